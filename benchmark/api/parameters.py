@@ -16,6 +16,7 @@ import re
 import typing
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
+from enum import Enum
 from functools import cache
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal
@@ -29,6 +30,9 @@ from benchmark.text import NAME
 
 #: Characters that enclose a text.
 _QUOTES = "'\""
+
+#: Characters with a meaning between brackets; a text that contains one of them is quoted.
+_SPECIAL = frozenset("|,()'\" ")
 
 #: Types of parameters in words, by the names that messages of msgspec give them.
 _KINDS = {
@@ -169,13 +173,22 @@ def _choices(annotation: Any) -> list[Any]:
     """Return the only values that a type allows; none if it allows others, too."""
     choices: list[Any] = []
     for kind in _alternatives(annotation):
-        if kind is NoneType:
-            choices.append(None)
-        elif typing.get_origin(kind) is Literal:
-            choices += typing.get_args(kind)
-        else:
+        members = _members(kind)
+        if not members:
             return []
+        choices += members
     return choices
+
+
+def _members(kind: Any) -> list[Any]:
+    """Return the values that a type lists; none if it lists none."""
+    if kind is NoneType:
+        return [None]
+    if typing.get_origin(kind) is Literal:
+        return list(typing.get_args(kind))
+    if isinstance(kind, type) and issubclass(kind, Enum):
+        return [member.value for member in kind]
+    return []
 
 
 def _in_words(message: str) -> str:
@@ -204,21 +217,21 @@ def non_default_values(cls: type[Any], given: Mapping[str, Any], owner: str = ""
     Returns
     -------
     dict
-        Values of the declared types, by name.
+        The values by name, as :func:`plain_value` returns them.
 
     Raises
     ------
     ConfigurationError
         If a parameter is unknown, or a value does not fit.
     """
-    values = checked(cls, given, owner)
+    values = _plain_values(checked(cls, given, owner))
     fields = declared_parameters(cls)
     defaults = {}
     for name in values:
         _, default = fields[name]
         if default is not dataclasses.MISSING:
             defaults[name] = default
-    defaults = checked(cls, defaults, owner)
+    defaults = _plain_values(checked(cls, defaults, owner))
     chosen = {}
     for name in fields:
         if name not in values:
@@ -228,6 +241,57 @@ def non_default_values(cls: type[Any], given: Mapping[str, Any], owner: str = ""
         if not is_default:
             chosen[name] = values[name]
     return chosen
+
+
+def _plain_values(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return values by name, as :func:`plain_value` returns them."""
+    return {name: plain_value(value) for name, value in values.items()}
+
+
+def plain_value(value: Any) -> Any:
+    """Return a value as names, records and other processes hold it.
+
+    That is a number, a text, None, or a tuple or list of these; of any other object, its text.
+    """
+    if isinstance(value, Enum):
+        return plain_value(value.value)
+    if isinstance(value, np.generic):
+        return value.item()
+    if isinstance(value, tuple):
+        return tuple(map(plain_value, value))
+    if isinstance(value, list):
+        return list(map(plain_value, value))
+    return value if value is None or isinstance(value, int | float | str) else str(value)
+
+
+def read_back(cls: type[Any], given: Mapping[str, Any], owner: str) -> dict[str, Any]:
+    """Return the values of parameters that are read from their plain values.
+
+    Parameters
+    ----------
+    cls
+        Dataclass whose fields are the parameters.
+    given
+        Values by name, as text or as objects.
+    owner
+        Name of the class in messages.
+
+    Raises
+    ------
+    ConfigurationError
+        If a parameter is unknown, a value does not fit, or another value is read from its text, so
+        that a name with this text would not say which value it is.
+    """
+    values = checked(cls, given, owner)
+    again: dict[str, Any] = {}
+    for name, value in values.items():
+        with suppress(ConfigurationError):
+            again |= checked(cls, {name: plain_value(value)}, owner)
+        if name not in again or value != again[name]:
+            problem = f"{name} of {owner} cannot be written as text: {format_value(value)!r:.80}"
+            hint = "declare its type as docs/reference/plugins.md does"
+            raise ConfigurationError(problem, hint)
+    return again
 
 
 def parameter_values(instance: Any) -> dict[str, Any]:
@@ -282,11 +346,27 @@ def _type_hints(cls: type[Any]) -> dict[str, Any]:
 
 def format_value(value: Any) -> str:
     """Return the text from which the value is read."""
-    if isinstance(value, tuple | list):
-        return f"({','.join(map(format_value, value))})"
-    if value is None or isinstance(value, bool):
-        return str(value).lower()
-    return repr(value) if isinstance(value, float) else str(value)
+    plain = plain_value(value)
+    if isinstance(plain, tuple | list):
+        items = [quoted(item) if isinstance(item, str) else format_value(item) for item in plain]
+        return f"({','.join(items)})"
+    if plain is None or isinstance(plain, bool):
+        return str(plain).lower()
+    return repr(plain) if isinstance(plain, float) else str(plain)
+
+
+def quoted(text: str) -> str:
+    """Return a text as written between brackets, quoted if it could be read as several values."""
+    if text and not _SPECIAL & set(text):
+        return text
+    quote = '"' if "'" in text else "'"
+    return f"{quote}{text}{quote}"
+
+
+def unquoted(text: str) -> str:
+    """Return a text without the quotes around it, if there are any."""
+    is_quoted = len(text) > 1 and text[0] in _QUOTES and text[0] == text[-1]
+    return text[1:-1] if is_quoted else text
 
 
 def option_words(options: Mapping[str, Any]) -> list[str]:
@@ -385,7 +465,9 @@ def _fit(annotation: Any, value: Any) -> Any:
     msgspec.ValidationError
         If it does not fit; the message says what was expected.
     """
-    given: Any = value.item() if isinstance(value, np.generic) else value
+    given: Any = value
+    if isinstance(value, Enum | np.generic | tuple | list):
+        given = plain_value(value)
     if isinstance(given, str):
         if not given.isprintable():  # it becomes part of names
             raise msgspec.ValidationError("printable text")
@@ -405,15 +487,24 @@ def _fit(annotation: Any, value: Any) -> Any:
 def _parse(annotation: Any, text: str) -> Any:
     """Return what a text stands for, as far as the type of a parameter tells.
 
-    That is None, a list of what its parts stand for, or the text itself.
+    That is None, a value that the type lists, a number where the type allows numbers and texts, a
+    list of what its parts stand for, or the text itself.
     """
     kinds = _alternatives(annotation)
     if NoneType in kinds and text.strip().lower() == "none":
         return None
+    for kind in kinds:
+        for member in _members(kind):
+            if text == format_value(member):
+                return member
     if str in kinds:
+        for kind in kinds:
+            if kind in (bool, int, float):
+                with suppress(msgspec.ValidationError):
+                    return _fit(kind, text)
         return text
     for kind in kinds:
-        if (typing.get_origin(kind) or kind) in (tuple, list):
+        if (typing.get_origin(kind) or kind) in (tuple, list, set, frozenset):
             return _parse_items(typing.get_args(kind), text)
     return text
 
@@ -425,15 +516,18 @@ def _parse_items(types: tuple[Any, ...], text: str) -> list[Any]:
     ----------
     types
         Types of the items, of which the last one goes on: those of ``tuple[int, ...]`` are ``int``
-        and an ellipsis. Without any, each part is a text.
+        and an ellipsis. Without any, each part is a number or a text.
     text
         With or without parentheses.
     """
     text = text.strip()
     inner = text[1:-1] if text.startswith("(") and text.endswith(")") else text
     parts = [part.strip() for part in split(inner.removesuffix(","))]
-    known = [item for item in types if item is not Ellipsis] or [str]
-    return [_parse(known[min(place, len(known) - 1)], part) for place, part in enumerate(parts)]
+    known = [item for item in types if item is not Ellipsis] or [int | float | str]
+    return [
+        _parse(known[min(place, len(known) - 1)], unquoted(part))
+        for place, part in enumerate(parts)
+    ]
 
 
 def _alternatives(annotation: Any) -> list[Any]:

@@ -18,13 +18,15 @@ from benchmark.api.parameters import (
     format_value,
     non_default_values,
     parameter_values,
+    plain_value,
+    quoted,
+    read_back,
 )
 from benchmark.api.scoring import Scorer, ScorerInfo
 from benchmark.code_digest import FIRST_PARTY, code_digest, code_of, is_installed, plugin_file
 from benchmark.errors import BenchmarkError, ConfigurationError, locate
 from benchmark.reads import watching
 from benchmark.registry.modules import load_module, named_files
-from benchmark.registry.names import quoted
 from benchmark.text import brief
 
 Kind = Literal["method", "scorer"]
@@ -76,7 +78,7 @@ class Component:
     parameters
         Parameters as text or values; only values other than the defaults are stored, normalised and
         in the order of the fields, so that equal components are equal objects however they are
-        written.
+        written. What is stored are plain values: another process cannot read objects of a plugin.
     given, state
         The object itself, if a Python program passed one, and a text that identifies it.
     is_unknown
@@ -151,7 +153,7 @@ class Component:
     def defaults(self) -> dict[str, Any]:
         """Parameters that have their defaults."""
         return {
-            name: default
+            name: plain_value(default)
             for name, (_, default) in declared_parameters(self.load()).items()
             if name not in self.parameters and default is not MISSING
         }
@@ -228,8 +230,11 @@ class Component:
         if missing:
             problem = f"{self.kind} '{self.base_name}' needs {', '.join(missing)}"
             raise ConfigurationError(problem, f"pip install {' '.join(missing)}")
+        parameters = {}
+        if self.parameters:
+            parameters = read_back(self.load(), self.parameters, self.base_name)
         try:
-            created = self.load()(**self.parameters)
+            created = self.load()(**parameters)
         except BenchmarkError:
             raise
         except (Exception, SystemExit) as error:  # code of a user may raise anything

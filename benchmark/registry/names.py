@@ -8,11 +8,9 @@ from __future__ import annotations
 import itertools
 import re
 
-from benchmark.api.parameters import assignments, split
+from benchmark.api.parameters import assignments, split, unquoted
 from benchmark.errors import ConfigurationError
 
-#: Characters with a meaning inside brackets; a text that contains one of them is quoted.
-_SPECIAL = frozenset("|,()'\" ")
 _NAME = re.compile(r"([^\[\]]+)(?:\[([^\[\]]*)\])?")
 
 
@@ -76,24 +74,10 @@ def combinations(text: str) -> list[dict[str, str]]:
     return [dict(zip(values, choice, strict=True)) for choice in choices]
 
 
-def quoted(text: str) -> str:
-    """Return a text as written between brackets, quoted if it could be read as several values."""
-    if text and not _SPECIAL & set(text):
-        return text
-    quote = '"' if "'" in text else "'"
-    return f"{quote}{text}{quote}"
-
-
 def _values(name: str, parts: list[str]) -> list[str]:
     """Return the values of a parameter without blanks and quotes around them."""
     texts = [part.strip() for part in parts]
     if len(texts) > 1 and not all(texts):
         hint = "write VALUE|VALUE, or '' for an empty text"
         raise ConfigurationError(f"'{name}' has an empty value", hint)
-    return list(map(_unquoted, texts))
-
-
-def _unquoted(text: str) -> str:
-    """Return a text without the quotes around it, if there are any."""
-    is_quoted = len(text) > 1 and text[0] in "'\"" and text[0] == text[-1]
-    return text[1:-1] if is_quoted else text
+    return list(map(unquoted, texts))

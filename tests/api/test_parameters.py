@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
+from enum import Enum, Flag, IntEnum, StrEnum
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -20,8 +21,37 @@ from benchmark.api.parameters import (
     format_value,
     non_default_values,
     parameter_values,
+    plain_value,
+    read_back,
 )
 from benchmark.errors import ConfigurationError
+
+
+class Side(Enum):
+    """Values that are texts."""
+
+    LEFT = "left"
+    RIGHT = "right"
+
+
+class Level(IntEnum):
+    """Values that are numbers."""
+
+    LOW = 1
+    HIGH = 2
+
+
+class Word(StrEnum):
+    """Members that are texts."""
+
+    FULL = "full"
+
+
+class Part(Flag):
+    """Values that are added."""
+
+    HEAD = 1
+    TAIL = 2
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,6 +87,21 @@ class Sample:
     label: Annotated[str, Matches("[a-z]*", "lower-case letters")] | None = None
     switch: bool | None = None
     sides: tuple[Literal["left", "right"], ...] = ()
+    side: Side = Side.LEFT
+    height: Level = Level.LOW
+    word: Word = Word.FULL
+    part: Part = Part.HEAD
+    both: tuple[Side, ...] = ()
+    no_side: Side | None = None
+    on: Literal[True, False] = True
+    automatic: float | Literal["auto"] = "auto"
+    scales: tuple[float, ...] | Literal["auto"] = "auto"
+    words: tuple[str, ...] = ()
+    anything: tuple = ()  # type: ignore[type-arg]
+    amount: float | str = 1.0
+    of_numpy: np.float64 = np.float64(1)  # noqa: RUF009
+    default_of_numpy: float = np.float32(0.1)  # type: ignore[assignment]
+    complex_number: complex = 1j
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,6 +151,15 @@ READ = [
     ("mode", "none", None),
     ("start", "None", None),
     ("file", "b", Path("b")),
+    ("side", "right", Side.RIGHT), ("side", Side.RIGHT, Side.RIGHT), ("height", "2", Level.HIGH),
+    ("height", Level.HIGH, Level.HIGH), ("word", "full", Word.FULL), ("part", "2", Part.TAIL),
+    ("part", Part.TAIL, Part.TAIL), ("both", "(left,right)", (Side.LEFT, Side.RIGHT)),
+    ("both", [Side.LEFT], (Side.LEFT,)), ("no_side", "none", None), ("on", "false", False),
+    ("automatic", "auto", "auto"), ("automatic", ".5", 0.5), ("scales", "auto", "auto"),
+    ("scales", "(1,2)", (1.0, 2.0)), ("words", "('a,b',c,\"it's\")", ("a,b", "c", "it's")),
+    ("anything", "(1,.5,a)", (1, 0.5, "a")), ("either", "3", 3), ("either", "1e3", 1000),
+    ("either", "2.5", "2.5"), ("amount", ".5", 0.5), ("amount", "inf", "inf"),
+    ("of_numpy", "2", np.float64(2)), ("complex_number", "2j", 2j),
     ("name", "abc", "abc"), ("some", "none", None), ("some", "5", 5), ("parts", "(1,2)", (1, 2)),
 ]  # fmt: skip
 
@@ -164,6 +218,9 @@ REFUSED = [
     ("name", "a\n", "does not fit name of Sample"),
     ("some", "0", "write a whole number of at least 1"),
     ("parts", "(1,0)", "write a whole number of at least 1"),
+    ("side", "up", "unknown side of Sample 'up'; choose one of left, right"),
+    ("side", "Side.LEFT", "choose one of left, right"),
+    ("height", "HIGH", "unknown height of Sample 'HIGH'; choose one of 1, 2"),
     ("wole", "1", "unknown parameter of Sample 'wole'; did you mean whole"),
 ]  # fmt: skip
 
@@ -174,6 +231,31 @@ def test_what_does_not_fit_is_refused_with_what_would(name: str, text: Any, mess
         read(name, text)
     assert message in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(("name", "text", "value"), READ)
+def test_the_text_of_a_value_is_read_as_this_value(name: str, text: Any, value: Any) -> None:
+    plain = plain_value(value)
+    assert type(plain).__module__ == "builtins"
+    assert read(name, format_value(value)) == value
+    assert read_back(Sample, {name: text}, "Sample") == {name: value}
+
+
+class Kernel:
+    """What a user may take as the type of a parameter, without a text of its own."""
+
+    def __init__(self, width: str) -> None:
+        self.width = width
+
+    def __repr__(self) -> str:
+        return "Kernel()"
+
+
+@pytest.mark.parametrize("type_of_field", [Kernel, frozenset[int]])
+def test_a_value_without_a_text_from_which_it_is_read_is_refused(type_of_field: type) -> None:
+    wrong = type("Wrong", (), {"__annotations__": {"field": type_of_field}})
+    with pytest.raises(ConfigurationError, match=r"field of a method cannot be written as text: '"):
+        read_back(dataclass(wrong), {"field": "(1,2)"}, "a method")
 
 
 def test_none_is_chosen_where_a_parameter_has_no_default() -> None:
@@ -192,6 +274,13 @@ def test_non_default_settings_come_in_the_order_of_the_fields_() -> None:
         ("pair", (0.0, 2.0)),
         ("share", 0.25),
     ]
+
+
+def test_a_default_is_known_in_each_way_to_write_it() -> None:
+    given = {"side": "left", "height": Level.LOW, "of_numpy": "1", "default_of_numpy": 0.1}
+    assert non_default_values(Sample, given) == {"default_of_numpy": 0.1}
+    assert non_default_values(Sample, {"side": Side.RIGHT}) == {"side": "right"}
+    assert non_default_values(Sample, {"default_of_numpy": np.float32(0.1)}) == {}
 
 
 def test_a_class_may_check_itself() -> None:
@@ -234,7 +323,7 @@ def test_a_type_that_no_parameter_can_have_is_named(type_of_field: str, message:
 
 
 def test_values_are_written_in_one_way() -> None:
-    values = (2.0, 1e-3, 0.1 + 0.2, 3, True, None, "a", (1, 2.5), (3,), ())
+    values = (2.0, 1e-3, 0.1 + 0.2, 3, True, None, "a", (1, 2.5), (3,), (), ("a,b", "c"), Side.LEFT)
     texts = (
         "2.0",
         "0.001",
@@ -246,6 +335,8 @@ def test_values_are_written_in_one_way() -> None:
         "(1,2.5)",
         "(3)",
         "()",
+        "('a,b',c)",
+        "left",
     )
     assert tuple(map(format_value, values)) == texts
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+import sys
 
 import pytest
 
@@ -81,6 +82,22 @@ def test_the_name_of_a_component_is_read_as_the_same_component(name, plugin):
     component = select_one(name, [plugin])
     assert select_one(component.name, [plugin]) == component
     assert pickle.loads(pickle.dumps(component)) == component  # noqa: S301
+
+
+def test_another_process_reads_parameters_without_the_file_that_defines_their_types(tmp_path):
+    plugin = write_plugin(
+        tmp_path / "smooth.py",
+        imports='from enum import Enum\nSide = Enum("Side", {"LEFT": "left", "RIGHT": "right"})',
+        fields="side: Side = Side.LEFT",
+    )
+    component = select_one("smooth[side=right]", [plugin])
+    assert component.name == "smooth[side=right]"
+    assert component.defaults | component.parameters == {"side": "right"}
+    assert component.create().side.name == "RIGHT"
+    module = sys.modules.pop(component.load().__module__)
+    sent = pickle.dumps(component)
+    assert module.__name__.encode() not in sent
+    assert pickle.loads(sent) == component  # noqa: S301
 
 
 @pytest.mark.parametrize(
