@@ -156,7 +156,9 @@ def _note(path: Any, folder: Any = "", *, is_program: bool = False) -> None:
 
 
 @contextmanager
-def watching(target: str, allowed: Iterable[Path] = ()) -> Iterator[list[Path]]:
+def watching(
+    target: str, allowed: Iterable[Path] = (), *, is_imported: bool = True
+) -> Iterator[list[Path]]:
     """Watch which files the code of a plugin reads in a ``with`` block.
 
     Parameters
@@ -165,6 +167,10 @@ def watching(target: str, allowed: Iterable[Path] = ()) -> Iterator[list[Path]]:
         The plugin file.
     allowed
         Files and folders that the code may read besides its own sources.
+    is_imported
+        Whether the plugin was imported before. Its sources are then those that are found now, as
+        keys hold them. The import itself may add folders to the path of modules, so that its
+        sources are those that are found at the end of the block.
 
     Yields
     ------
@@ -182,7 +188,7 @@ def watching(target: str, allowed: Iterable[Path] = ()) -> Iterator[list[Path]]:
     if _take is not None:  # within another block, whose plugin alone is watched
         yield declared
         return
-    watch = _Watch(target, declared)
+    watch = _Watch(target, declared, sources_of(target) if is_imported else None)
     # A process that the code spawns would not be watched, so spawning is refused meanwhile.
     get_preparation_data = spawn.get_preparation_data
     spawn.get_preparation_data = _refuse_spawn
@@ -206,11 +212,14 @@ class _Watch:
         The plugin file.
     declared
         Files and folders that it may read, which may grow meanwhile.
+    sources
+        Its source files; None for those that are found when a file is looked at.
     """
 
-    def __init__(self, target: str, declared: list[Path]) -> None:
+    def __init__(self, target: str, declared: list[Path], sources: list[Path] | None) -> None:
         self._target = target
         self._declared = declared
+        self._sources = sources
         self._plugin = Path(target.rpartition(":")[0] or target)
         self._started = time.time() - _LATE
         self._process = os.getpid()
@@ -257,8 +266,8 @@ class _Watch:
         was_written_by_plugin = since <= changed <= time.time() + _LATE
         if was_written_by_plugin:
             return False
-        own_sources = {source.resolve() for source in sources_of(self._target)}
-        return file not in own_sources
+        sources = sources_of(self._target) if self._sources is None else self._sources
+        return file not in {source.resolve() for source in sources}
 
 
 def _refuse_spawn(name: str) -> dict[str, Any]:
@@ -275,7 +284,10 @@ def _undeclared_error(plugin: Path, file: Path) -> UndeclaredFile:
     hint = f"declare it in info: files=({name!r},)"
     if file.suffix == ".py":
         verb = "imports"
-        hint = f"write 'import NAME' or 'from NAME import ...', with the name as it is, or {hint}"
+        hint = (
+            "write 'import NAME' or 'from NAME import ...', with the name as it is, and add folders "
+            f"to sys.path when the plugin is imported, or {hint}"
+        )
     return UndeclaredFile(f"{plugin} {verb} {file} in a way that its code does not show", hint)
 
 

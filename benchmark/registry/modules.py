@@ -124,7 +124,8 @@ def _import_anew(target: str, name: str, path: Path) -> ModuleType:
 
     # What the code changes of this process is put back, and a copy that it forks goes no further.
     try:
-        with chdir("."), same_umask(), copies_end(), watching(target) as declared:
+        watch = watching(target, is_imported=False)
+        with chdir("."), same_umask(), copies_end(), watch as declared:
             module = _execute(name, path)
             # Files that the module names may be read; they are known only after its code has run.
             declared += [path.parent / file for file in named_files(module)]

@@ -23,7 +23,8 @@ import importlib, json, os, sys
 from pathlib import Path
 from benchmark.errors import BenchmarkError
 from benchmark.registry.known import in_file
-from benchmark.reads import watch_this_process, watching
+from benchmark.reads import watch_this_process
+from benchmark.registry.components import watching_component
 from benchmark.api import Shape
 from benchmark.check.shapes import figure
 shape = Shape(identifier='figure', mesh=figure())
@@ -34,7 +35,7 @@ for file in map(Path, sys.argv[1:]):
     try:
         for component in in_file(file):
             method = component.create()
-            with watching(component.target, [file.parent / name for name in component.info.files]):
+            with watching_component(component):
                 method.canonicalise(shape)
         outcomes[file.parent.name] = "ok"
     except BenchmarkError as error:
@@ -95,6 +96,9 @@ def write_material(folder: Path) -> None:
     }  # one process finds all folders
     for name in (modules.get(folder.name, "text"), "program"):
         (folder / f"{name}.py").write_text("VALUE = 1\n")
+    (folder / "lib").mkdir()
+    for name in ("in_lib", "in_path"):
+        (folder / "lib" / f"{name}.py").write_text("VALUE = 1\n")
     np.save(folder / "value.npy", np.zeros(2))
     (folder / "library.so").write_bytes(b"\x7fELF")
     if folder.name == "linked":
