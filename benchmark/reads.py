@@ -285,8 +285,8 @@ def _undeclared_error(plugin: Path, file: Path) -> UndeclaredFile:
     if file.suffix == ".py":
         verb = "imports"
         hint = (
-            "write 'import NAME' or 'from NAME import ...', with the name as it is, and add folders "
-            f"to sys.path when the plugin is imported, or {hint}"
+            "write 'import NAME' or 'from NAME import ...', with the name as it is, and add "
+            f"folders to sys.path when the plugin is imported, or {hint}"
         )
     return UndeclaredFile(f"{plugin} {verb} {file} in a way that its code does not show", hint)
 
