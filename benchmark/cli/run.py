@@ -42,6 +42,7 @@ def print_plan(selection: Selection, *, traceback: bool = False, every: bool = F
     bool
         Whether all data sets of the selection can be used.
     """
+    _check_all_is_alone(selection)
     planned = plan(**selection.arguments(OF_JOBS))
     for note in [*planned.notes, *planned.stand_ins(), *planned.problems_of_files()]:
         say(note, err=True)
@@ -129,10 +130,11 @@ def run_selection(
     Raises
     ------
     ConfigurationError
-        If nothing is selected.
+        If nothing is selected, or all tables are and some of them.
     """
     if not selection.is_something:
         raise ConfigurationError("nothing is selected", "pass --all, or choose with -t, -d or -m")
+    _check_all_is_alone(selection)
 
     # Train missing models first, so that the plan finds them.
     if train:
@@ -155,6 +157,12 @@ def run_selection(
     _print_results(planned, records_after(planned, ended), selection)
     is_complete = not (planned.missed or planned.refused)
     return is_complete and all(record.status == "ok" for record in ended)
+
+
+def _check_all_is_alone(selection: Selection) -> None:
+    """Raise ``ConfigurationError`` if all tables are selected, and some tables or data by name."""
+    if selection.everything and (selection.tables or selection.data):
+        raise ConfigurationError("--all selects all tables", "drop --all, or -t and -d")
 
 
 def _print_results(planned: Plan, records: Sequence[Record], selection: Selection) -> None:

@@ -44,6 +44,7 @@ from benchmark.protocols.tables import (
 from benchmark.protocols.trainings import NoFolds, Training, trainings_by_shape
 from benchmark.reference.paper import CLASSICAL
 from benchmark.registry import Component
+from benchmark.text import listed
 
 #: The network of the paper, whose row says so where it has no model.
 NETWORK = "learned"
@@ -365,29 +366,47 @@ def galleries(
     Raises
     ------
     ConfigurationError
-        If a name is unknown, the selection is empty, or an ablation is combined with ``quick``.
+        If a name is unknown, nothing is selected of a table or data set that was named, or an
+        ablation is combined with ``quick``.
     DatasetError
         If a data set is missing or unreadable, or its part in a table is unfit for retrieval.
     """
     names = list(datasets)
     identifiers = list(tables)
-    chosen: list[Gallery] = []
     if gallery or same_names or gallery_views:
         has_gallery = bool(gallery or gallery_views)
         if not has_gallery or not names or identifiers:
             raise ConfigurationError(
                 "--gallery needs queries, and no table", "pass -d QUERIES --gallery FOLDER"
             )
-        for name in names:
+
+    # Each data set is selected alone: one of which nothing fits is refused, also beside others.
+    chosen: list[Gallery] = []
+    for sets in [[name] for name in names] or [[]]:
+        if gallery or gallery_views:
+            (name,) = sets
             table = _table_of_queries(name, gallery, gallery_views, same_names=same_names)
-            chosen += _galleries(table, name, data_root, quick=quick)
-    else:
-        chosen = _of_tables(identifiers, names, data_root, quick=quick)
-    if subjects:
-        chosen = _of_subjects(chosen, subjects)
-    if input is not None:
-        chosen = _of_input(chosen, input)
+            of_sets = list(_galleries(table, name, data_root, quick=quick))
+        else:
+            of_sets = _of_tables(identifiers, sets, data_root, quick=quick)
+        if subjects:
+            of_sets = _of_subjects(of_sets, subjects)
+        if input is not None:
+            of_sets = _of_input(of_sets, input)
+        chosen += of_sets
+    _check_tables_have_galleries(identifiers, chosen)
     return chosen
+
+
+def _check_tables_have_galleries(named: Iterable[str], chosen: Iterable[Gallery]) -> None:
+    """Raise ``ConfigurationError`` if a table was named of which nothing is selected."""
+    filled: set[str] = set()
+    for gallery in chosen:
+        filled |= {gallery.table.identifier, gallery.table.part_of}
+    empty = [name for name in named if name not in filled]
+    if empty:
+        problem = f"table {listed(empty)} has no shapes in this selection"
+        raise ConfigurationError(problem, "drop this table, or -d or --input")
 
 
 def _table_of_queries(name: str, gallery: str, gallery_views: int, *, same_names: bool) -> Table:

@@ -105,6 +105,8 @@ def test_what_a_shell_left_empty_or_did_not_replace_is_refused(
         ("score D.csv --labels a.txt --input view", "--input names the input of a row"),
         ("score D.csv --labels a.txt --dataset x", "--dataset names the data of a row"),
         ("retrieve q.off -m gps -d a --gallery-views 3 --input mesh", "omit --gallery-views or"),
+        ("run --all -d a", "--all selects all tables; drop --all, or -t and -d"),
+        ("plan --all -t IV", "--all selects all tables; drop --all, or -t and -d"),
     ],
 )
 def test_an_option_that_would_be_ignored_is_refused(tmp_path, monkeypatch, line, reason):
