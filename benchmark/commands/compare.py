@@ -64,6 +64,7 @@ def compare(
     )
     # Failed jobs stay, so that a method without scores is named in the error.
     records, notes = selection.records(failed=True)
-    frame = compare_rows(selection.views(records), first, second)
-    frame.attrs["notes"] = notes
+    views = selection.views(records)
+    frame = compare_rows(views, first, second)
+    frame.attrs["notes"] = [*notes, *selection.empty_tables(records, views)]
     return frame

@@ -14,7 +14,8 @@ from benchmark.pipeline.data_names import label_data_sets, records_of
 from benchmark.pipeline.record_files import local_files, local_folder, read_records, unneeded
 from benchmark.pipeline.records import Record
 from benchmark.registry import are_named
-from benchmark.text import counted
+from benchmark.registry.names import base_name
+from benchmark.text import counted, listed
 
 
 @dataclass(frozen=True)
@@ -80,7 +81,7 @@ def forget(
     Raises
     ------
     ConfigurationError
-        If not exactly one way to select is used, or the selection fits no record.
+        If not exactly one way to select is used, or the selection, or a name in it, fits no record.
     """
     folder = Path(results)
     has_selection = bool(as_list(methods) or data)
@@ -97,6 +98,8 @@ def forget(
     selected_keys: set[str] = set()
     if has_selection:
         selected_keys = _keys_of_selection(all_records, as_list(methods), as_list(data))
+        if selected_keys:
+            _check_are_of_records(folder, all_records, as_list(methods), as_list(data))
 
     if not local_folder(folder).is_dir():
         problem = f"{folder} holds no results of runs"
@@ -140,6 +143,23 @@ def _keys_of_selection(
     if are_named(methods):
         selected = [record for record in selected if is_of_methods(record, methods)]
     return {record.key for record in selected}
+
+
+def _check_are_of_records(
+    folder: Path, records: Sequence[Record], methods: Sequence[str], data: Sequence[str | Path]
+) -> None:
+    """Raise ``ConfigurationError`` if no record is of one of some methods or data sets.
+
+    For the parameters, see :func:`_keys_of_selection`.
+    """
+    labelled = label_data_sets(records)
+    unknown = [str(name) for name in data if not records_of(labelled, as_sets([name]))]
+    if are_named(methods):
+        known = {name for record in records for name in (record.method, base_name(record.method))}
+        unknown += [method for method in methods if method not in known]
+    if unknown:
+        problem = f"no record under {folder} is of {listed(unknown)}"
+        raise ConfigurationError(problem, "correct the name, or leave it out")
 
 
 def _check_known(folder: Path, every: Sequence[Record], named: Sequence[str]) -> None:

@@ -10,7 +10,6 @@ from pandas import DataFrame
 
 from benchmark.errors import ConfigurationError
 from benchmark.pipeline.records import Record
-from benchmark.report.columns import scores_frame
 from benchmark.report.formats import as_json, latex, markdown, robustness_markdown
 from benchmark.report.output import TABLE_FORMATS, scores_of_tables, table_files, write_files
 from benchmark.report.record_facts import scored_by
@@ -63,9 +62,12 @@ class Tables:
     @property
     def scores(self) -> DataFrame:
         """Their scores, one value a line, as in ``scores.csv``."""
-        if self.is_whole:
-            return scores_frame(self.records)
-        return scores_of_tables(self.views, self.records, of_robustness=self.of_robustness)
+        return scores_of_tables(
+            self.views,
+            self.records,
+            of_robustness=self.of_robustness,
+            is_whole=self.is_whole,
+        )
 
     @property
     def rows(self) -> DataFrame:

@@ -225,6 +225,7 @@ class RecordSelection:
             *self._of_other_scorers(of_input),
             *self._of_quick_runs(full, quick),
             *self._of_missing_methods(records),
+            *self._of_missing_data(records),
         ]
         if not records:
             raise self._no_records(notes)
@@ -278,6 +279,15 @@ class RecordSelection:
         if not missing:
             return []
         return [f"no finished job of {listed(missing)}: run it, or see 'list methods' for its name"]
+
+    def _of_missing_data(self, records: Sequence[Record]) -> list[str]:
+        """Say which data sets have no job in the selection, where other named ones have some."""
+        if not records:
+            return []
+        missing = [name for name in self.data if not records_of(records, as_sets([name]))]
+        if not missing:
+            return []
+        return [f"no finished job on {listed(missing)} fits the selection"]
 
     def _no_records(self, notes: Sequence[str]) -> ConfigurationError:
         """Return an error that says that there is no record, and how to get some."""

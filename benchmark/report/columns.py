@@ -314,6 +314,7 @@ def scores_frame(records: Iterable[Record]) -> DataFrame:
     from pandas import DataFrame
 
     scores: list[Score] = []
+    versions: list[str] = []  # of the data of each score, of which none is averaged with another
     with_paper: set[tuple[str, str]] = set()  # table and data set, if the paper has scores
     for record in records:
         dataset = record.data.name
@@ -322,14 +323,17 @@ def scores_frame(records: Iterable[Record]) -> DataFrame:
             if table.is_cross and not record.gallery_of_queries:
                 continue
             scores += _scores_of_record(table.identifier, record)
+            versions += [record.gallery_digest] * (len(scores) - len(versions))
             if table.has_paper:
                 with_paper.add((table.identifier, dataset))
     for numeral, dataset in sorted(with_paper):
         scores += _scores_of_paper(numeral, dataset)
-    frame = DataFrame(scores, columns=Score._fields)
+    versions += [""] * (len(scores) - len(versions))
+    frame = DataFrame(scores, columns=Score._fields).assign(version=versions)
     # A mean over lines that differ in the value alone: they are of several trainings of a network.
     *all_but_value, value = Score._fields
-    return frame.groupby(all_but_value, sort=False, as_index=False)[value].mean()
+    means = frame.groupby([*all_but_value, "version"], sort=False, as_index=False)[value].mean()
+    return means[[*Score._fields]]
 
 
 def _scores_of_record(table: str, record: Record) -> Iterator[Score]:

@@ -28,7 +28,13 @@ from benchmark.report.columns import (
 from benchmark.report.data_titles import data_title
 from benchmark.report.notation import BLANK, hundredths
 from benchmark.report.notes import table_notes
-from benchmark.report.record_facts import DataChange, change_of, fold_of, scored_by
+from benchmark.report.record_facts import (
+    DataChange,
+    change_of,
+    fold_of,
+    of_newest_versions,
+    scored_by,
+)
 from benchmark.report.rows import BLOCKS, TableRow
 from benchmark.report.table_view import PAPER, QUICK_RUN, SECOND, TableView
 from benchmark.text import clean_text
@@ -577,7 +583,8 @@ def robustness_markdown(records: Iterable[Record]) -> str:
     """Return a table of how well methods retrieve shapes whose meshes were damaged.
 
     It has a line for each kind of damage, such as noise or holes, and its strength, and a column
-    for each of some methods. "" if there is no result for damaged shapes.
+    for each of some methods. Lines of several data sets name theirs. "" if there is no result for
+    damaged shapes.
     """
     known = records_of_robustness(records)
     by_change = _methods_by_change(known)
@@ -590,6 +597,8 @@ def robustness_markdown(records: Iterable[Record]) -> str:
         Column[DataChange]("change", lambda change: change.kind or "unchanged", "Change"),
         Column[DataChange]("strength", lambda change: change.strength, "strength"),
     ]
+    if len({change.base for change in changes}) > 1:
+        columns.insert(0, Column("data", lambda change: markdown_text(change.base), "Data"))
     titles = {record.method: TITLES.get(record.method, record.title) for record in known}
     methods = set(chain.from_iterable(by_change.values()))
     columns += [
@@ -604,6 +613,8 @@ def robustness_markdown(records: Iterable[Record]) -> str:
 def records_of_robustness(records: Iterable[Record], methods: Iterable[str] = ()) -> list[Record]:
     """Return the records that the table of robustness shows: of changed sets and unchanged ones.
 
+    Those of other versions of the data are left out.
+
     Parameters
     ----------
     records
@@ -611,7 +622,7 @@ def records_of_robustness(records: Iterable[Record], methods: Iterable[str] = ()
     methods
         Names of methods; empty for all that stand in the table.
     """
-    known = [record for record in records if _is_of_robustness(record)]
+    known = [record for record in of_newest_versions(records) if _is_of_robustness(record)]
     wanted = frozenset(methods)
     if wanted:
         known = [record for record in known if record.method in wanted]

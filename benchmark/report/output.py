@@ -13,7 +13,6 @@ from pandas import DataFrame, Series
 from benchmark.errors import ConfigurationError, UnreadableMesh
 from benchmark.files import file_digest, read_file, write_together
 from benchmark.pipeline.records import Record
-from benchmark.registry.names import base_name
 from benchmark.report.columns import scores_frame
 from benchmark.report.formats import (
     as_json,
@@ -22,9 +21,11 @@ from benchmark.report.formats import (
     markdown,
     robustness_markdown,
 )
-from benchmark.report.record_facts import scored_by
+from benchmark.report.record_facts import fold_of, of_newest_versions, scored_by
 from benchmark.report.table_view import TableView
 from benchmark.report.verdicts import verdicts_markdown
+from benchmark.text import listed as listed_names
+from benchmark.text import say
 
 #: List of the written files with their digests.
 WRITTEN_LIST = "written.json"
@@ -76,10 +77,7 @@ def table_files(
             files[f"reproduction{suffix}.md"] = verdicts_markdown(views)
         files[f"robustness{suffix}.md"] = robustness_markdown(of_robustness)
     if "csv" in formats:
-        if is_whole:
-            scores = scores_frame(records)
-        else:
-            scores = scores_of_tables(views, records, of_robustness=of_robustness)
+        scores = scores_of_tables(views, records, of_robustness=of_robustness, is_whole=is_whole)
         files[f"scores{suffix}.csv"] = scores.to_csv(index=False, float_format="%.6f")
     if "json" in formats and views:
         files[f"tables{suffix}.json"] = json.dumps(as_json(views), indent=1) + "\n"
@@ -87,7 +85,11 @@ def table_files(
 
 
 def scores_of_tables(
-    views: Sequence[TableView], records: Sequence[Record], *, of_robustness: Sequence[Record]
+    views: Sequence[TableView],
+    records: Sequence[Record],
+    *,
+    of_robustness: Sequence[Record],
+    is_whole: bool,
 ) -> DataFrame:
     """Return the scores of the rows that tables print, one value a line.
 
@@ -96,16 +98,21 @@ def scores_of_tables(
     views
         The tables.
     records
-        Records that they come from, and others.
+        Records that they come from, and others. Those of other versions of the data, which tables
+        leave out, are left out here, too.
     of_robustness
         Those of the table of robustness; empty if it is none of the tables.
+    is_whole
+        Whether to return all scores of the records, and not those of these rows alone.
 
     Returns
     -------
     pandas.DataFrame
         As :func:`benchmark.report.columns.scores_frame`.
     """
-    scores = scores_frame(records)
+    scores = scores_frame(of_newest_versions(records))
+    if is_whole:
+        return scores
     is_printed = Series(data=False, index=scores.index)
     for view in views:
         is_printed |= _are_of_table(scores, view)
@@ -114,14 +121,16 @@ def scores_of_tables(
 
 
 def _are_of_table(scores: DataFrame, view: TableView) -> Series:
-    """Return which lines of scores belong to a table, and to a row that it prints."""
-    is_stand_in = view.dataset in view.table.stand_ins
-    datasets = view.table.stand_ins if is_stand_in else (view.dataset,)  # all draws of one
-    are_of_table = (scores.table == view.table.identifier) & scores.dataset.isin(datasets)
-    if not view.methods:
-        return are_of_table
-    base_names = scores.method.map(base_name)
-    return are_of_table & (scores.method.isin(view.methods) | base_names.isin(view.methods))
+    """Return which lines of scores a table prints: of its rows, and of the paper."""
+    printed: set[tuple[str, ...]] = set()
+    for row in view.printed_rows:
+        if row.method in view.paper:
+            printed.add((view.dataset, "", row.method, "paper"))
+        for record in row.records:
+            printed.add((record.data.name, fold_of(record), row.method, record.input))
+    places = zip(scores.dataset, scores.fold, scores.method, scores.input, strict=True)
+    are_printed = Series([place in printed for place in places], scores.index, dtype=bool)
+    return are_printed & (scores.table == view.table.identifier)
 
 
 def _are_of_robustness(scores: DataFrame, records: Iterable[Record]) -> Series:
@@ -141,8 +150,9 @@ def write_files(
 ) -> None:
     """Write files into a folder, and remove those of the last time that are not written again.
 
-    A list in the folder keeps the digest of each file, by which files are found that the user has
-    edited since. These are never removed, and replaced only by ``force``.
+    The removed ones are named on stderr. A list in the folder keeps the digest of each file, by
+    which files are found that the user has edited since. These are never removed, and replaced only
+    by ``force``.
 
     Parameters
     ----------
@@ -172,10 +182,14 @@ def write_files(
     # The list belongs to the files: without it, they would count as edited the next time.
     written = {folder / name: data for name, data in contents.items()}
     write_together(written | {folder / listed: json.dumps(digests, indent=0).encode()})
-    for name in earlier.keys() - contents.keys():
+    removed: list[str] = []
+    for name in sorted(earlier.keys() - contents.keys()):
         is_unedited = _digest(folder / name) == earlier[name]
         if is_unedited:
             (folder / name).unlink()
+            removed.append(name)
+    if removed:
+        say(f"removed from {folder}, of an earlier command: {listed_names(removed)}", err=True)
 
 
 def check_folder(folder: Path) -> None:

@@ -59,6 +59,25 @@ def by_gallery(records: Iterable[Record]) -> dict[str, list[Record]]:
     return groups
 
 
+def of_newest_versions(records: Iterable[Record]) -> list[Record]:
+    """Return the records that rank the newest version of the shapes of their gallery, in order.
+
+    The newest one is with scores if any is, and a local one before a published one.
+    """
+    records = list(records)
+    newest = {name: max(group, key=_newness) for name, group in by_gallery(records).items()}
+    return [
+        record
+        for record in records
+        if record.gallery_digest == newest[record.gallery].gallery_digest
+    ]
+
+
+def _newness(record: Record) -> tuple[bool, bool, str]:
+    """Return what orders records by the version of the data that they decide for."""
+    return record.status == "ok", not record.published, record.finished
+
+
 def fold_of(record: Record) -> str:
     """Return the part of the data set that a record ranks, such as ``"fold 0"``.
 

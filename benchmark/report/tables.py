@@ -34,6 +34,7 @@ from benchmark.report.record_facts import (
     by_gallery,
     change_of,
     fold_of,
+    of_newest_versions,
     row_name,
     row_of,
     scored_by,
@@ -186,8 +187,7 @@ class _RecordsOfTable:
     @cached_property
     def current(self) -> dict[str, list[Record]]:
         """Records of the newest version of the data, by gallery."""
-        galleries = by_gallery(self.every).items()
-        return {gallery: _of_newest_version(records) for gallery, records in galleries}
+        return by_gallery(of_newest_versions(self.every))
 
     @cached_property
     def records(self) -> list[Record]:
@@ -197,7 +197,11 @@ class _RecordsOfTable:
     @property
     def left_out(self) -> tuple[str, ...]:
         """Names of the rows of other versions, each once."""
-        others = [record for record in self.every if record not in self.current[record.gallery]]
+        others = [
+            record
+            for record in self.every
+            if record.gallery_digest != self.samples[record.gallery].gallery_digest
+        ]
         names = [f"{record.method} on {record.gallery}, {record.input}" for record in others]
         return tuple(dict.fromkeys(names))
 
@@ -256,17 +260,6 @@ class _RecordsOfTable:
     def samples_of(self, column: GalleryGroup) -> list[Record]:
         """Return a record of each gallery of a column that has some."""
         return [self.samples[name] for name in self.galleries[column] if name in self.samples]
-
-
-def _of_newest_version(records: Sequence[Record]) -> list[Record]:
-    """Return the records of a gallery that rank the same shapes as its newest one.
-
-    The newest one is with scores if any is, and a local one before a published one.
-    """
-    newest = max(
-        records, key=lambda record: (record.status == "ok", not record.published, record.finished)
-    )
-    return [record for record in records if record.gallery_digest == newest.gallery_digest]
 
 
 def _view(
@@ -502,17 +495,19 @@ def _excused(rows: Sequence[TableRow]) -> list[TableRow]:
     """Return rows that know which of the shapes they lack do not keep them from a comparison.
 
     A row that lacks a shape cannot be compared with rows that have it. But if all rows of a block
-    lack it, because its file cannot be read, they can be compared on the others.
+    lack it, because its file cannot be read, they can be compared on the others. A row that lacks a
+    whole gallery is not compared, so that it does not count here.
     """
     refused_by_all: dict[tuple[str, Block], frozenset[str]] = {}  # by column and block
     for row in rows:
-        for title, scores in row.scored.items():
+        complete = {title: scores for title, scores in row.scored.items() if not scores.missing}
+        for title, scores in complete.items():
             place = title, row.kind
             refused_by_all[place] = refused_by_all.get(place, scores.refused) & scores.refused
     excused_rows = []
     for row in rows:
         scored = {
-            title: replace(scores, excused=refused_by_all[title, row.kind])
+            title: replace(scores, excused=refused_by_all.get((title, row.kind), frozenset()))
             for title, scores in row.scored.items()
         }
         excused_rows.append(replace(row, scored=scored))

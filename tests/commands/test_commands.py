@@ -25,7 +25,7 @@ from benchmark.pipeline.record_files import write_record
 from benchmark.protocols.tables import ROBUST, own_table
 from benchmark.report.pages import _command
 from benchmark.report.tables import table_views
-from tests.report.records import failed, record
+from tests.report.records import LABELS, failed, record
 from tests.runs.toy import LIGHT
 from tests.toy import SMALL_SCORER, rod, write_rods
 from tests.verbs import call, refusal
@@ -512,3 +512,56 @@ def test_a_run_proposes_a_report_of_all_draws_that_it_ran_and_none_of_robustness
         said = capsys.readouterr().err
         assert proposed in said
         assert bool(said) == bool(proposed)
+
+
+def test_a_named_data_set_without_a_job_is_named_beside_the_table(results):
+    write_record(results, record("gps", dataset="balls", input_="view"))
+    words = ("--results", results, "-d", "rods", "-d")
+    for verb in (("tables",), ("compare", "gps", "skeleton")):
+        for name, more in (("roods", ()), ("balls", ("--input", "mesh"))):
+            said = call(*verb, *words, name, *more)
+            assert f"no finished job on {name} fits the selection" in said
+    assert "no finished job on" not in call("tables", *words, "balls")
+    assert "no finished job on" not in refusal("tables", "--results", results, "-d", "roods")
+
+
+def test_a_comparison_names_a_table_that_is_named_without_a_job():
+    notes = benchmark.compare("gps", "identity", tables=["III", "shrec15"], published=True).attrs
+    (note,) = notes["notes"]
+    assert note == "not shown: table shrec15, of which no finished job fits the selection"
+
+
+@pytest.mark.parametrize("selected", [{"methods": ["gps", "gsp"]}, {"data": ["rods", "roods"]}])
+def test_forget_deletes_nothing_if_one_of_its_names_is_of_no_record(results, selected):
+    (wrong,) = {"gsp", "roods"} & {*next(iter(selected.values()))}
+    before = sorted(results.rglob("*"))
+    with pytest.raises(ConfigurationError, match=f"no record under .* is of {wrong}"):
+        forget(results=results, yes=True, **selected)
+    assert sorted(results.rglob("*")) == before
+
+
+def test_scores_are_those_of_the_rows_of_a_table_and_of_its_columns():
+    def inputs(table, method):
+        found = benchmark.tables(table, methods=method, published=True).scores
+        return {(line.table, line.input) for line in found.itertuples()}
+
+    assert inputs("III", "gps") == {("III", "mesh"), ("III", "paper"), ("III-view", "view")}
+    assert inputs("III-view", "gps") == {("III-view", "view")}
+    ablation = benchmark.tables("IV", published=True)
+    rows = {row.method for view in ablation.views for row in view.printed_rows}
+    assert {*ablation.scores.method} == rows
+
+
+def test_scores_of_another_version_of_the_data_are_in_no_table_and_averaged_with_no_other(results):
+    old = {"labels": LABELS[:8], "gallery_digest": "0", "finished": "2025-01-01T00:00:00+00:00"}
+    write_record(results, record("net", 0.25, **old))
+    write_record(results, record("net[training_seed=1]", 0.75))
+
+    def values(scores):
+        return scores.query("method == 'net' and measure == 'NN'").value.tolist()
+
+    tables = benchmark.tables(results=results)
+    assert "net on rods, mesh" in tables.markdown()
+    assert values(tables.scores) == [0.75]
+    assert values(benchmark.tables("rods", results=results).scores) == [0.75]
+    assert values(benchmark.open_results(results).scores) == [0.25, 0.75]

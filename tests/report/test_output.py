@@ -16,10 +16,13 @@ from tests.toy import files_of_at_most
 from tests.verbs import call
 
 
-def test_own_files_are_replaced_and_removed_and_no_others(tmp_path):
+def test_own_files_are_replaced_and_removed_and_no_others(tmp_path, capsys):
     (tmp_path / "mine.txt").write_text("mine")
     write_files(tmp_path, {"a.md": "1", "b.md": "1"})
+    assert not capsys.readouterr().err
     write_files(tmp_path, {"a.md": "2"})
+    said = capsys.readouterr().err.replace("\n", " ")
+    assert f"removed from {tmp_path}, of an earlier command: b.md" in said
     assert {path.name for path in tmp_path.iterdir()} == {"a.md", "mine.txt", WRITTEN_LIST}
     assert (tmp_path / "a.md").read_text() == "2"
 
