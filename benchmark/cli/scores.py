@@ -115,7 +115,9 @@ def _print_evaluation(evaluation: Evaluation, title: str, format: str) -> None:
 
         say_lines("\n".join(latex_of_scores(title, scores["score"])))
     else:
-        say_lines(scores.to_string(float_format="{:.2f}".format, na_rep="--"))
+        from benchmark.report.notation import two_decimals
+
+        say_lines(scores.map(two_decimals).to_string())
 
 
 def _as_json(scores: DataFrame, title: str, n_shapes: int) -> str:

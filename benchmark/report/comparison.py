@@ -24,7 +24,7 @@ from benchmark.report.statistics import (
     sign_flip_test,
 )
 from benchmark.report.table_view import TableView
-from benchmark.text import brief
+from benchmark.text import brief, counted
 
 #: Verdict on a difference with p < .05 that is larger than codebooks and trainings scatter.
 ABOVE = "significant, above the scatter"
@@ -66,7 +66,8 @@ def compare_rows(views: Sequence[TableView], first: str, second: str = "") -> Da
         within the scatter of codebooks"``, ``"not significant (9 classes)"``, or why there is none)
         among the ``rows`` tested at once, ``p_alone`` and ``verdict_alone`` of the two planned
         alone, and numbers: ``queries``, those ``differing`` and those left out because they were
-        ``seen`` in training, and ``classes``.
+        ``seen`` in training, ``classes``, and shapes that one of the two ``refused``, which count
+        0.
 
     Raises
     ------
@@ -298,6 +299,7 @@ class _Pair:
             "differing": np.count_nonzero(np.abs(gains).max(axis=1, initial=0) > SAME),
             "seen": len(self.shared) - n_queries,
             "classes": len(set(self.labels)),
+            "refused": len(self.mine.refused ^ self.other.refused),
         }
 
     def _verdicts(
@@ -342,7 +344,8 @@ def details(frame: DataFrame) -> Iterator[tuple[str, list[list[list[str]]]]]:
     for place, of_pair in frame.groupby("place", sort=False):
         first = of_pair.iloc[0]
         seen = f"; {first.seen} queries are of classes seen in training" if first.seen else ""
-        heading = f"{place}: {first.differing} of {first.queries} queries differ{seen}"
+        refused = f"; {_refusals(first.refused)}" if first.refused else ""
+        heading = f"{place}: {first.differing} of {first.queries} queries differ{seen}{refused}"
         tables = [_scores_of_measures(of_pair), _verdicts_of_measures(of_pair)]
         yield heading, tables if first.queries else []
 
@@ -376,8 +379,14 @@ def _thousandths(difference: float) -> str:
 
 
 def _p_value(p: float) -> str:
-    """Return a p-value as text; "" where there is none."""
-    return "" if np.isnan(p) else f"{p:.3f}"
+    """Return a p-value as text; "" where there is none.
+
+    One below the level of significance is not rounded up to it.
+    """
+    if np.isnan(p):
+        return ""
+    rounded = f"{p:.3f}"
+    return f"<{ALPHA:.3f}" if p < ALPHA <= float(rounded) else rounded
 
 
 def summaries(frame: DataFrame) -> Iterator[tuple[str, list[list[str]]]]:
@@ -386,10 +395,19 @@ def summaries(frame: DataFrame) -> Iterator[tuple[str, list[list[str]]]]:
         lines = [["", *of_column.measure.unique(), ""]]
         for _, of_row in of_column.groupby("other", sort=False):
             differences = map(signed_hundredths, of_row.difference)
-            lines.append([of_row.title.iloc[0], *differences, _verdict(of_row)])
+            verdict = _verdict(of_row)
+            n_refused = of_row["refused"].iloc[0]
+            if n_refused:
+                verdict = f"{verdict}; {_refusals(n_refused)}"
+            lines.append([of_row.title.iloc[0], *differences, verdict])
         numbers = _range(of_column.queries)
         among = AMONG.format(_range(of_column["rows"]))
         yield f"{place}: {frame.method[0]} - each row, {numbers} queries, {among}", lines
+
+
+def _refusals(number: int) -> str:
+    """Say how many shapes have no result by one of two rows."""
+    return f"{counted(number, 'shape')} without a result by one of the two count 0"
 
 
 def _range(numbers: Series) -> str:

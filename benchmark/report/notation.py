@@ -14,15 +14,20 @@ BLANK = "--"
 _LONGEST_FILE_NAME = 80
 
 
-def hundredths(value: float | None) -> str:
-    """Return a score with two decimals and no leading zero.
+def two_decimals(value: float | None) -> str:
+    """Return a score with two decimals.
 
     Records hold six decimals; a half of the last one that is shown rounds up.
     """
     if value is None or math.isnan(value):
         return BLANK
     rounded = math.floor(round(value * 1e6) / 1e4 + 0.5) / 100
-    return f"{rounded:.2f}".removeprefix("0")
+    return f"{rounded:.2f}"
+
+
+def hundredths(value: float | None) -> str:
+    """Return a score with two decimals and no leading zero; see :func:`two_decimals`."""
+    return two_decimals(value).removeprefix("0")
 
 
 def signed_hundredths(difference: float) -> str:

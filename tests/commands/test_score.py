@@ -4,6 +4,10 @@ import subprocess
 import sys
 
 import numpy as np
+from pandas import DataFrame
+
+from benchmark.cli.scores import _print_evaluation
+from benchmark.commands.score import Evaluation
 
 PROGRAM = """
 import sys
@@ -34,3 +38,12 @@ def test_score_imports_no_runner_no_protocols_and_no_torch(tmp_path):
     names = tuple(f"benchmark.{name}" for name in unwanted)
     others = ("torch", "numba", "matplotlib", "trimesh", "pymeshlab", "igl", "sklearn")
     assert [name for name in modules if name.startswith((*names, *others))] == []
+
+
+def test_scores_are_rounded_as_those_of_tables(capsys):
+    columns = {"score": [0.125], "low": [np.nan], "high": [np.nan], "chance": [0.375]}
+    evaluation = Evaluation(DataFrame(columns, index=["NN"]), DataFrame(), np.zeros((0, 0)))
+    _print_evaluation(evaluation, "mine", "text")
+    assert capsys.readouterr().out.split()[-5:] == ["NN", "0.13", "--", "--", "0.38"]
+    _print_evaluation(evaluation, "mine", "latex")
+    assert "mine & .13 & " in capsys.readouterr().out

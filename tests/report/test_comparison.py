@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchmark.errors import ConfigurationError
-from benchmark.report.comparison import ABOVE, compare_rows, details, summaries
+from benchmark.report.comparison import ABOVE, _p_value, compare_rows, details, summaries
 from benchmark.report.notes import QUICK, leads, table_notes
 from benchmark.report.statistics import permutation_test
 from benchmark.report.tables import table_views
@@ -141,6 +141,27 @@ def test_a_row_without_a_gallery_is_compared_without_a_verdict():
     ]
     part = record("b", dataset="people[draw=0]", fold="fold 0", labels=LETTERS)
     assert set(compared([*folds, part], "a").verdict) == {"incomplete"}
+
+
+@pytest.mark.parametrize(
+    ("p", "text"),
+    [(0.0498, "<0.050"), (0.05, "0.050"), (0.0494, "0.049"), (0.0001, "0.000"), (np.nan, "")],
+)
+def test_a_significant_p_value_is_not_rounded_up_to_one_that_is_not(p, text):
+    assert _p_value(p) == text
+
+
+def test_shapes_that_one_of_two_rows_refused_are_counted():
+    both = [("a0", "two pieces")]
+    rows = [
+        record("a", labels=LETTERS, unsupported=both),
+        record("b", labels=LETTERS, unsupported=[*both, ("b2", "too thin")]),
+    ]
+    says = "1 shape without a result by one of the two count 0"
+    heading, *_ = tables(rows, "a", "b")
+    assert heading == f"rods, mesh: 0 of 16 queries differ; {says}"
+    ((_, (_, line)),) = summaries(compared(rows, "a"))
+    assert line[-1] == f"not significant (8 classes); {says}"
 
 
 @pytest.mark.parametrize(
