@@ -112,8 +112,10 @@ def _write_form_of_mesh(source: Path, method: str, options: Selection, output: P
         _draw_mesh(source, form, options.picture)
     facts = [f"{output}: {len(form.vertices)} vertices", *facts_of(form.notes), *not_kept]
     say(", ".join(facts))
-    if form.vertex_map is not None and output.suffix.lower() != ".stl":  # STL has no vertices
-        numbers = output.with_suffix(".vertices.txt")
+    numbers = output.with_suffix(".vertices.txt")
+    if form.vertex_map is None or output.suffix.lower() == ".stl":  # STL has no vertices
+        numbers.unlink(missing_ok=True)  # of an earlier form of this name
+    else:
         write_text(numbers, "".join(f"{number}\n" for number in form.vertex_map))
         say(
             f"{numbers}: for each vertex of the form, the number of the nearest vertex in "

@@ -180,7 +180,7 @@ class StoredForms:
 
         Without its data, the front is seen.
         """
-        shapes = self._data_set(record.data.source)
+        shapes = self._data_set(record.data.path or record.data.source)
         if shapes is None:
             return FRONT
         for entry in shapes.shapes:

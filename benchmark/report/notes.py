@@ -159,7 +159,8 @@ def _lead_of_block(view: TableView, title: str, block: Block, tested: ComparedRi
     row, n_worse = block_lead(view, title, block)
     score = hundredths(tested.rivals[row.method].means[_LEADING_MEASURE])
     n_others = len(tested.rivals) - 1
-    leader = f"{BLOCKS[block]}: {row.title} has the highest {_LEADING_MEASURE}, {score}"
+    among = "" if is_tested_whole(view, title, block) else " of the rows that are tested"
+    leader = f"{BLOCKS[block]}: {row.title} has the highest {_LEADING_MEASURE}{among}, {score}"
     every = f"the {n_others} others" if n_others > 1 else "the other row"
     if n_worse == 0:
         none = f"any of {every}" if n_others > 1 else every
@@ -179,6 +180,15 @@ def block_lead(view: TableView, title: str, block: Block) -> tuple[TableRow, int
     leading = tested.measures.index(_LEADING_MEASURE)
     n_behind = int(tested.is_above_scatter[methods.index(best), :, leading].sum())
     return next(row for row in view.rows if row.method == best), n_behind
+
+
+def is_tested_whole(view: TableView, title: str, block: Block) -> bool:
+    """Return whether all rows of a block with scores in a column are tested.
+
+    Rows that lack shapes, or saw some in training, are not.
+    """
+    of_block = {row.method for row in view.rows if row.kind == block and title in row.scored}
+    return of_block <= view.tests[title, block].rivals.keys()
 
 
 def _compared(view: TableView) -> Iterator[tuple[str, Block, ComparedRivals]]:
@@ -283,7 +293,8 @@ def _spread_over_draws(view: TableView, column: GalleryGroup) -> Iterator[str]:
     if not column.over_draws or n_draws < 2:
         return
     largest_range, where = max(chain.from_iterable(_ranges(row, scores) for row, scores in rows))
-    remark = "; networks: one draw" if min(numbers_of_draws) == 1 else ""
+    of_networks = [len(scores.records) for row, scores in rows if row.kind == "network"]
+    remark = "; networks: one draw" if 1 in of_networks else ""
     yield (
         f"{column.title}: mean of {n_draws} draws, at most {hundredths(largest_range)} apart "
         f"({where}){remark}."
@@ -316,14 +327,19 @@ def _without_result(
     The column is named unless it is the only one, or the row has scores in none. Where a row has
     scores of some galleries of a column, such as folds, the gallery is named.
     """
+    shown = [column.title for column in view.columns]
     reasons = defaultdict[str, list[str]](list)
-    for row, column in product(rows, view.columns):
-        reason = _why_no_scores(row, column.title, without_networks)
-        if reason:
+    for row in rows:
+        # The table leaves out a column in which all rows failed.
+        titles = dict.fromkeys([*shown, *row.failed])
+        for title in titles:
+            reason = _why_no_scores(row, title, without_networks)
+            if not reason:
+                continue
             has_any = bool(row.records or row.failed)
-            where = f"{column.title}: " if has_any and len(view.columns) > 1 else ""
-            if column.title in row.scored:
-                where = f"{row.failed[column.title][0].gallery}: "
+            where = f"{title}: " if has_any and len(titles) > 1 else ""
+            if title in row.scored:
+                where = f"{row.failed[title][0].gallery}: "
             reasons[where + reason].append(row.title)
     return [
         f"{listed(dict.fromkeys(titles), '; ')} ({reason})" for reason, titles in reasons.items()

@@ -8,7 +8,7 @@ from itertools import chain
 from typing import Any, NamedTuple
 
 from benchmark.protocols.tables import AGAINST, SURFACES, TABLES, Block, GalleryGroup
-from benchmark.report.notes import block_lead
+from benchmark.report.notes import block_lead, is_tested_whole
 from benchmark.report.page_builder import Pages, data_label
 from benchmark.report.rows import BLOCKS, RowScores, TableRow
 from benchmark.report.table_view import TableView
@@ -194,6 +194,9 @@ def _leads(columns: Mapping[_Place, _ColumnOfTable]) -> list[str]:
             row, n_worse = block_lead(view, title, block)
             if n_worse == len(tested.rivals) - 1:
                 group = OVERVIEW_GROUPS[place.group]
-                leader = f"{group}: {row.title} scores above all other {BLOCKS[block].lower()}"
+                others = BLOCKS[block].lower()
+                if not is_tested_whole(view, title, block):
+                    others += " that are tested"
+                leader = f"{group}: {row.title} scores above all other {others}"
                 labels[leader].append(place.label)
     return [f"{leader} on {'; '.join(of_leader)}." for leader, of_leader in sorted(labels.items())]

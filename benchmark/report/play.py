@@ -210,8 +210,8 @@ def _grouped(records: Iterable[Record], forms: StoredForms) -> list[list[Record]
     """Return the records of each gallery of which a shape is stored here, a list for each.
 
     A list has one record for each method, if possible of complete surfaces rather than views. The
-    shapes themselves come first, records of views last. The first shape of each record stands for
-    all of its shapes.
+    shapes themselves come first, records of views last. The first shape with a result of each
+    record stands for all of its shapes.
     """
     groups: dict[str, dict[str, Record]] = {}  # by gallery and method
     for record in filter(_has_forms, records):
@@ -227,7 +227,7 @@ def _grouped(records: Iterable[Record], forms: StoredForms) -> list[list[Record]
     stored = []
     for group in groups.values():
         in_order = sorted(group.values(), key=place)
-        if any(forms.shape(record, record.shapes[0]) for record in in_order):
+        if any(forms.shape(record, record.shapes[record.answered[0]]) for record in in_order):
             stored.append(in_order)
     return stored
 

@@ -66,24 +66,26 @@ class ComparedRivals:
     def marks(self) -> dict[str, dict[str, str]]:
         """Return how the score of each row is marked, by method and measure.
 
-        The best row is marked ``"bold"``. A row that is not significantly worse is ``"italic"``. A
-        row that is, but by no more than repeated codebooks or trainings differ, is ``"scatter"``.
-        All others have the mark "".
+        The best row is marked ``"bold"``; several rows are, if their scores are equal. A row that
+        is not significantly worse than the first of these is ``"italic"``. A row that is, but by no
+        more than repeated codebooks or trainings differ, is ``"scatter"``. All others have the mark
+        "".
         """
         means = _means(self.rivals.values())
         is_best = means >= means.max(axis=0) - SAME
-        # Of both tests, shape (rows, rows, measures), take the best row of each measure.
-        best = is_best.argmax(axis=0)[None, None]
-        is_worse = np.take_along_axis(self.is_significant, best, axis=0)[0]
-        is_above = np.take_along_axis(self.is_above_scatter, best, axis=0)[0]
-        # Stronger marks replace weaker ones.
-        marks = np.where(is_above, "", "scatter")
-        marks[~is_worse] = "italic"
-        marks[is_best] = "bold"
-        return {
-            method: dict(zip(self.measures, of_row, strict=True))
-            for method, of_row in zip(self.rivals, marks.tolist(), strict=True)
-        }
+        marks: dict[str, dict[str, str]] = {method: {} for method in self.rivals}
+        for number, measure in enumerate(self.measures):
+            best = int(is_best[:, number].argmax())  # the first of the best rows
+            for row, of_row in enumerate(marks.values()):
+                if is_best[row, number]:
+                    of_row[measure] = "bold"
+                elif not self.is_significant[best, row, number]:
+                    of_row[measure] = "italic"
+                elif not self.is_above_scatter[best, row, number]:
+                    of_row[measure] = "scatter"
+                else:
+                    of_row[measure] = ""
+        return marks
 
 
 def compare_rivals(rivals: Mapping[str, RowScores]) -> ComparedRivals:

@@ -46,6 +46,10 @@ def test_a_decimated_form_has_a_file_of_the_nearest_vertices(tmp_path):
     numbers = np.loadtxt(tmp_path / "form.vertices.txt", dtype=int)
     moved = (body.vertices - body.vertices.mean(axis=0)) / body.area**0.5
     assert np.abs(read_mesh(tmp_path / "form.off").vertices - moved[numbers]).max() < 0.1
+    # A later form of this name, which has the vertices of its mesh, has no such file.
+    write_off(tmp_path / "rod.off", rod(0.1, 0.5))
+    canonicalise(tmp_path / "rod.off", "-o", tmp_path / "form.off")
+    assert not (tmp_path / "form.vertices.txt").exists()
 
 
 def test_a_form_is_never_written_over_its_mesh(tmp_path, monkeypatch):

@@ -8,9 +8,12 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 from scipy.stats import special_ortho_group
 
+from benchmark.datasets.folder import folder_set
+from benchmark.geometry.camera import FRONT
 from benchmark.report import forms
 from benchmark.report.forms import Drawn, StoredForms, alignments, centred, turned_to
-from tests.toy import rod
+from tests.report.records import record
+from tests.toy import rod, write_rods
 
 
 def body(bend=1.2):
@@ -125,3 +128,14 @@ def test_an_iteration_that_changes_nothing_is_the_last():
     assert counted.call_count < 12
     assert np.array_equal(few, many)
     assert many == pytest.approx(np.broadcast_to(np.eye(3), (2, 3, 3)), abs=1e-12)
+
+
+def test_the_camera_of_a_shape_is_that_of_its_own_folder(tmp_path, monkeypatch):
+    """Where the report is written, another folder may have its name."""
+    write_rods(tmp_path / "here" / "rods", bends=(0.0,))
+    folder = write_rods(tmp_path / "there" / "rods", bends=(0.0,))
+    (folder / "dataset.toml").write_text('camera = "back"')
+    monkeypatch.chdir(tmp_path / "here")
+    data = {"name": "rods", "title": "rods", "source": "rods", "path": str(folder)}
+    camera = StoredForms(tmp_path)._camera(record(data=data), "thin0")
+    assert camera == folder_set(folder).camera(folder_set(folder).shapes[0]) != FRONT

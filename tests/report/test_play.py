@@ -24,6 +24,7 @@ from benchmark.report.play import (
     write_play_page,
 )
 from benchmark.report.results import open_results
+from tests.report.records import record
 from tests.runs.toy import run_toy
 from tests.toy import rod
 
@@ -60,6 +61,16 @@ def test_a_gallery_has_the_shapes_first_then_the_forms_and_no_descriptor(galleri
     for shape in gallery.shapes:
         assert shape.forms[0] is shape.body
         assert shape.forms[1].body is not None
+
+
+def test_a_gallery_is_shown_though_its_first_shape_is_refused():
+    class Stored:
+        def shape(self, record, name):
+            return None if name == "cat0" else "a surface"
+
+    files = {"prepared": [f"{number:032x}" for number in range(12)]}
+    lacking = record("gps", unsupported=[("cat0", "cut off")], files=files)
+    assert play._grouped([lacking], Stored()) == [[lacking]]
 
 
 def test_rankings_are_those_of_the_distances_without_the_query(results, stored, galleries):

@@ -13,8 +13,8 @@ from benchmark.protocols.tables import SYNTHETIC_HUMANS
 from benchmark.reference.paper import AS_PRINTED, PAPER_MEASURES, PRINTED
 from benchmark.report.columns import PRINTED_QUANTITIES, score_groups
 from benchmark.report.formats import as_json, blocks, latex, markdown, robustness_markdown
-from benchmark.report.notation import two_digits
-from benchmark.report.notes import block_lead, table_notes
+from benchmark.report.notation import hundredths, two_decimals, two_digits
+from benchmark.report.notes import block_lead, leads, table_notes
 from benchmark.report.output import table_files
 from benchmark.report.record_facts import chosen_records
 from benchmark.report.results import Results
@@ -163,6 +163,7 @@ def test_a_draw_that_no_row_ranks_does_not_count_as_missing(draws, expected):
     # A draw that another row ranks is missing, and counts 0.
     table = view(*rows, record("skeleton", 0.9, dataset=draws[0], **stand_in), tables=["I"])
     assert cell(table, "skeleton", "15 subjects") == pytest.approx(0.9 / len(draws))
+    assert "networks: one draw" not in " ".join(table_notes(table))
 
 
 def test_skeletons_of_views_say_that_they_are_level_sets():
@@ -335,6 +336,37 @@ def test_rows_that_are_incomplete_or_saw_shapes_in_training_have_no_mark(spoiled
         eight("third", *[0.4] * 8),
     )
     assert marks(table) == {"best": "", "other": "bold", "third": ""}
+
+
+def test_a_row_that_lacks_a_fold_takes_the_marks_from_no_other():
+    """A shape that all others lack, too, may be of this fold."""
+
+    def folds(method, *numbers, **more):
+        lacking = {1: {"unsupported": [("a0", "two pieces")]}}
+        return [
+            eight(method, *[0.5] * 8, fold=f"fold {k}", **lacking.get(k, {}), **HUMANS, **more)
+            for k in numbers
+        ]
+
+    complete = [*folds("gps", 0, 1, 2), *folds("identity", 0, 1, 2)]
+    table = view(*complete, *folds("skeleton", 0, 2), tables=["I"])
+    found = {method: mark for method, mark in marks(table, "5 subjects").items() if mark}
+    assert found == {"gps": "bold", "identity": "bold"}
+
+
+def test_a_row_leads_those_that_are_tested_if_its_block_has_others():
+    seen = eight("best", *[0.9] * 8, unsupported=[("a0", "too thin")])
+    others = [eight("other", *[0.5] * 8), eight("third", *[0.4] * 8)]
+    among = "has the highest DCG of the rows that are tested, .70"
+    assert among in leads(view(seen, *others))[0]
+    assert "has the highest DCG, .70" in leads(view(*others))[0]
+
+
+def test_a_column_in_which_all_rows_failed_is_named():
+    table = view(record("gps"), failed("gps", input_="view"), failed("mine", input_="view"))
+    assert table.groups == ["mesh"]
+    notes = " ".join(table_notes(table))
+    assert "No result: GPS; Mine (view: failed: it fell); Mine (mesh: not run, or" in notes
 
 
 def test_marks_do_not_change_with_the_methods_that_are_shown():
@@ -521,6 +553,24 @@ def test_robustness_has_a_line_for_each_change_and_strength_below_the_unchanged_
     assert robustness_markdown([record("gps", dataset="rods")]) == ""
 
 
+def test_lines_of_robustness_name_their_data_if_several_sets_were_changed():
+    names = ("rods[noise=2]", "my_balls[noise=2]")
+    text = robustness_markdown([record("gps", 0.5, dataset=name) for name in names])
+    assert [line for line in text.splitlines() if line.startswith("|")] == [
+        "|Data|Change|strength|GPS|",
+        "|---|---:|---:|---:|",
+        "|my\\_balls|noise|2|.50|",
+        "|rods|noise|2|.50|",
+    ]
+
+
+def test_robustness_shows_no_record_of_another_version_of_the_data():
+    old = {"labels": LABELS[:8], "gallery_digest": "0", "finished": "2025-01-01T00:00:00+00:00"}
+    noisy = {"dataset": "rods[noise=2]"}
+    rows = [record("gps", 0.5, **noisy, **old), record("classic-mds", 0.75, **noisy)]
+    assert "|noise|2|.75|" in robustness_markdown(rows)
+
+
 def test_a_failed_job_has_its_status_and_no_score_in_the_table_of_robustness():
     rows = [
         record("gps", 0.5, dataset="rods[noise=2]", quick=True),
@@ -560,6 +610,14 @@ def test_quick_runs_have_no_ranks_by_a_second_scorer():
 )
 def test_seconds_have_two_digits(seconds, text):
     assert two_digits(seconds) == text
+
+
+@pytest.mark.parametrize(
+    ("score", "text"), [(0.125, "0.13"), (0.375, "0.38"), (0.995, "1.00"), (float("nan"), "--")]
+)
+def test_a_half_of_the_last_decimal_rounds_up_with_and_without_a_leading_zero(score, text):
+    assert two_decimals(score) == text
+    assert hundredths(score) == text.removeprefix("0")
 
 
 def test_seconds_are_of_the_processor_and_an_old_record_without_them_has_none():
