@@ -598,7 +598,9 @@ def robustness_markdown(records: Iterable[Record]) -> str:
         Column[DataChange]("strength", lambda change: change.strength, "strength"),
     ]
     if len({change.base for change in changes}) > 1:
-        columns.insert(0, Column("data", lambda change: markdown_text(change.base), "Data"))
+        columns.insert(
+            0, Column[DataChange]("data", lambda change: markdown_text(change.base), "Data")
+        )
     titles = {record.method: TITLES.get(record.method, record.title) for record in known}
     methods = set(chain.from_iterable(by_change.values()))
     columns += [
