@@ -13,7 +13,7 @@ from benchmark.commands.selection import RESULTS, as_paths, data_folder
 from benchmark.errors import BenchmarkError, ConfigurationError, TrainingError, locate
 from benchmark.locks import take_lock
 from benchmark.pipeline.cache import StorageError, storing, taken
-from benchmark.protocols.models import model_in
+from benchmark.protocols.models import folder_of_training, model_in
 from benchmark.protocols.pairs import data_of_training, trainings_of
 from benchmark.protocols.trainings import own_training
 from benchmark.registry import Component, select_one
@@ -91,15 +91,19 @@ def train(
     folders = []
     for training in trainings:
         tell(f"{component.name}, {training.name}")
-        folder = Path(results) / "models" / training.name / learner.model_name
+        folder = folder_of_training(learner, training.name, Path(results) / "models")
         with _only_training_of(folder):
             data_of_this = data_of_training(training, root, tell)
-            if (folder / CARD).exists():  # a learner keeps a finished model
+            is_finished = (folder / CARD).exists()
+            if is_finished:  # a learner keeps a finished model
                 _check_model(folder, data_of_this, "delete the folder to train anew")
             with _training_of(component):
                 learner.train(data_of_this, folder, options or {}, tell)
             _check_model(folder, data_of_this, _advice(component))
-        tell(f"the model is in {folder}")
+        if is_finished:
+            tell(f"the model in {folder} was finished before; delete the folder to train anew")
+        else:
+            tell(f"the model is in {folder}")
         folders.append(folder)
     return folders
 

@@ -21,6 +21,7 @@ from benchmark.api.learning import (
     read_card,
 )
 from benchmark.api.parameters import option_words
+from benchmark.code_digest import FIRST_PARTY
 from benchmark.datasets.catalogue import catalogued, is_known, is_present, open_dataset
 from benchmark.datasets.people import CLEARANCE, TESTED
 from benchmark.errors import ConfigurationError
@@ -278,25 +279,37 @@ def people_training(folder: object) -> str:
     return training.name
 
 
-def model_places(learner: Learner, trained_here: Path | None = None) -> list[Path]:
-    """Return the folders of models by precedence.
+def model_places(learner: Learner) -> list[Path]:
+    """Return the folders of models that were not trained here, by precedence.
 
-    They are those trained here, those of the environment variable, and the shipped ones.
-
-    Parameters
-    ----------
-    learner
-        The learner.
-    trained_here
-        Folder of the models that were trained here; None to ignore them.
+    They are those of the environment variable, and the shipped ones.
     """
     places = [learner.shipped_models]
     named = os.environ.get(MODELS_VARIABLE)
     if named:
         places.insert(0, Path(named))
-    if trained_here is not None:
-        places.insert(0, trained_here)
     return places
+
+
+def folder_of_training(learner: Learner, training: str, trained_here: Path) -> Path:
+    """Return the folder of a model that is trained here.
+
+    Networks of the suite share models. The models of any other learner are its own, although
+    another one may call its models alike.
+
+    Parameters
+    ----------
+    learner
+        The learner.
+    training
+        Name of the training data.
+    trained_here
+        Folder of the models that are trained here.
+    """
+    name = learner.model_name
+    if type(learner).__module__.partition(".")[0] not in FIRST_PARTY:
+        name = f"{learner.info.name}-{name}"
+    return trained_here / training / name
 
 
 def has_model(learner: Learner, training: str, trained_here: Path | None) -> bool:
@@ -305,12 +318,14 @@ def has_model(learner: Learner, training: str, trained_here: Path | None) -> boo
 
 
 def _finished(learner: Learner, training: str, trained_here: Path | None) -> Path | None:
-    """Return the folder of the finished model of a training, by precedence.
+    """Return the folder of the finished model of a training, one that was trained here first.
 
     It is None if there is none.
     """
-    for place in model_places(learner, trained_here):
-        folder = place / training / learner.model_name
+    folders = [place / training / learner.model_name for place in model_places(learner)]
+    if trained_here is not None:
+        folders.insert(0, folder_of_training(learner, training, trained_here))
+    for folder in folders:
         if (folder / CARD).is_file():
             return folder
     return None

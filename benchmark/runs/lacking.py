@@ -15,6 +15,7 @@ from benchmark.api.learning import HasRecipe
 from benchmark.api.parameters import option_words
 from benchmark.errors import TrainingError
 from benchmark.protocols.galleries import galleries
+from benchmark.protocols.models import folder_of_training
 from benchmark.protocols.trainings import find_training, n_pairs
 from benchmark.registry import Component, are_named, select
 from benchmark.registry.modules import environment
@@ -83,15 +84,15 @@ def lacking_models(
     """
     selected = select(methods, plugins)
     is_named = are_named(methods)
-    models: dict[tuple[str, str], LackingModel] = {}
+    models: dict[Path, LackingModel] = {}
     for gallery in galleries(input=input, data_root=data_root, **data):
         for input_ in gallery.inputs:
             lacking = gallery.lacking(input_, selected, results / "models", named=is_named)
             for component, training in lacking:
                 # Several rows may need one model, which is listed once.
-                name = training.name, component.create().model_name
-                if name not in models:
-                    models[name] = _lacking_model(component, training.name, data_root)
+                folder = folder_of_training(component.create(), training.name, results / "models")
+                if folder not in models:
+                    models[folder] = _lacking_model(component, training.name, data_root)
     return list(models.values())
 
 

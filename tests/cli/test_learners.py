@@ -14,6 +14,8 @@ from benchmark.commands.train import _only_training_of
 from benchmark.errors import TrainingError
 from benchmark.locks import take_lock
 from benchmark.pipeline.cache import StorageError
+from benchmark.protocols.models import folder_of_training, has_model
+from benchmark.registry import select_one
 from tests import verbs
 from tests.runs.toy import LIGHT
 from tests.toy import write_rods
@@ -37,7 +39,7 @@ def call(*arguments, code=0):
 
 def test_a_model_is_trained_once_and_its_row_names_what_it_has_seen(root, tmp_path):
     train = ("train", "nearest-view", "-t", "III", "--results", tmp_path, "--data-root", root)
-    folder = tmp_path / "models" / "tosca-III" / "seed0"
+    folder = tmp_path / "models" / "tosca-III" / "nearest-view-seed0"
     assert call(*train).splitlines() == [
         "nearest-view, tosca-III",
         "kept 6 pairs",
@@ -47,7 +49,11 @@ def test_a_model_is_trained_once_and_its_row_names_what_it_has_seen(root, tmp_pa
     assert card["subjects"] == ["dog", "wolf"]
     assert card["identifiers"] == ["dog0", "dog1", "dog2", "wolf0", "wolf1", "wolf2"]
     before = (folder / CARD).stat().st_mtime_ns
-    assert "finished before" in call(*train)
+    assert call(*train).splitlines() == [
+        "nearest-view, tosca-III",
+        "finished before",
+        f"the model in {folder} was finished before; delete the folder to train anew",
+    ]
     assert (folder / CARD).stat().st_mtime_ns == before
     selection = (
         "-t",
@@ -73,24 +79,39 @@ def test_a_model_is_trained_once_and_its_row_names_what_it_has_seen(root, tmp_pa
     assert "the model tosca-III changed" in plan
 
 
+def test_a_copy_of_a_learner_with_another_name_has_models_of_its_own(tmp_path):
+    plugin = tmp_path / "own.py"
+    plugin.write_text(LEARNER.read_text().replace('"nearest-view"', '"own-view"'))
+    copy = select_one("own-view", [plugin]).create()
+    original = select_one("nearest-view", [LEARNER]).create()
+    assert copy.model_name == original.model_name
+    models = tmp_path / "models"
+    folder = folder_of_training(original, "tosca-III", models)
+    folder.mkdir(parents=True)
+    (folder / CARD).write_text("{}")
+    assert has_model(original, "tosca-III", models)
+    assert not has_model(copy, "tosca-III", models)
+    assert folder_of_training(copy, "tosca-III", models) == models / "tosca-III" / "own-view-seed0"
+
+
 def test_one_process_trains_into_a_folder(root, tmp_path):
     train = ("train", "nearest-view", "-t", "III", "--results", tmp_path, "--data-root", root)
-    folder = tmp_path / "models" / "tosca-III" / "seed0"
+    folder = tmp_path / "models" / "tosca-III" / "nearest-view-seed0"
     folder.parent.mkdir(parents=True)
-    with (folder.parent / ".seed0.lock").open("w") as lock:
+    with (folder.parent / ".nearest-view-seed0.lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         told = " ".join(call(*train, code=2).split())
     assert f"another training is writing to {folder}; wait for its end" in told
     assert call(*train).endswith(f"the model is in {folder}\n")
-    assert [path.name for path in folder.parent.iterdir()] == ["seed0"]
+    assert [path.name for path in folder.parent.iterdir()] == ["nearest-view-seed0"]
 
 
 @pytest.mark.parametrize("is_made_anew", [False, True])
 def test_the_lock_of_a_training_that_ends_meanwhile_is_not_taken(
     tmp_path, monkeypatch, is_made_anew
 ):
-    folder = tmp_path / "models" / "tosca-III" / "seed0"
-    lock = folder.with_name(".seed0.lock")
+    folder = tmp_path / "models" / "tosca-III" / "nearest-view-seed0"
+    lock = folder.with_name(".nearest-view-seed0.lock")
 
     def lock_too_late(descriptor, *, refusal):
         lock.unlink()  # by the process that had it
@@ -104,7 +125,7 @@ def test_the_lock_of_a_training_that_ends_meanwhile_is_not_taken(
 
 
 def test_a_training_whose_folders_are_removed_says_so_itself(tmp_path):
-    folder = tmp_path / "models" / "tosca-III" / "seed0"
+    folder = tmp_path / "models" / "tosca-III" / "nearest-view-seed0"
     with pytest.raises(TrainingError, match="no place"), _only_training_of(folder):
         shutil.rmtree(tmp_path / "models")
         raise TrainingError("no place for a checkpoint")
@@ -114,7 +135,7 @@ def test_a_folder_that_cannot_be_made_is_named_before_data_are_read(root, tmp_pa
     (tmp_path / "models").write_text("a file")
     train = ("train", "nearest-view", "-t", "III", "--results", tmp_path, "--data-root", root)
     told = " ".join(call(*train, code=2).split())
-    assert "models/tosca-III/seed0: Not a directory; free some space, change its rights" in told
+    assert "models/tosca-III/nearest-view-seed0: Not a directory; free some space" in told
     assert "pairs" not in told
 
 
@@ -144,7 +165,7 @@ def test_a_run_trains_what_it_lacks_first(root, tmp_path, in_this_process):
     told = call("run", *selection, "-j", 1, "--train")
     assert missing in told and "training 1 of 1: nearest-view, tosca-III" in told
     assert "Nearest View" in told
-    assert (tmp_path / "models" / "tosca-III" / "seed0" / CARD).is_file()
+    assert (tmp_path / "models" / "tosca-III" / "nearest-view-seed0" / CARD).is_file()
     assert missing not in call("plan", *selection)
     assert "training" not in call("run", *selection, "-j", 1, "--train").splitlines()[0]
 
@@ -182,7 +203,7 @@ def test_a_training_that_leaves_no_model_is_an_error_that_says_why(root, tmp_pat
 
 
 def test_a_damaged_model_is_named_before_a_training_takes_it_for_finished(root, tmp_path):
-    folder = tmp_path / "models" / "tosca-III" / "seed0"
+    folder = tmp_path / "models" / "tosca-III" / "nearest-view-seed0"
     folder.mkdir(parents=True)
     (folder / CARD).write_text("{")
     train = ("train", "nearest-view", "-t", "III", "--results", tmp_path, "--data-root", root)
@@ -194,7 +215,7 @@ def test_a_damaged_model_is_named_before_a_training_takes_it_for_finished(root, 
 def test_a_finished_model_for_other_test_subjects_is_named_by_training_and_run(root, tmp_path):
     of_own = ("train", "nearest-view", "--data", root / "tosca", "--results", tmp_path)
     call(*of_own, "--hold-out", "cat")
-    folder = tmp_path / "models" / "own-tosca" / "seed0"
+    folder = tmp_path / "models" / "own-tosca" / "nearest-view-seed0"
     told = call(*of_own, "--hold-out", "dog", code=2)
     reason = f"the model in {folder} was trained for other test subjects"
     assert told.endswith(f"{reason}; delete the folder to train anew")
@@ -203,7 +224,7 @@ def test_a_finished_model_for_other_test_subjects_is_named_by_training_and_run(r
     folders = ("--results", tmp_path, "--data-root", root)
     of_table = ("train", "nearest-view", "-t", "III", *folders)
     call(*of_table)
-    folder = tmp_path / "models" / "tosca-III" / "seed0"
+    folder = tmp_path / "models" / "tosca-III" / "nearest-view-seed0"
     card = json.loads((folder / CARD).read_text())
     (folder / CARD).write_text(json.dumps(card | {"tested": "0" * 64}))
     reason = f"the model in {folder} was trained for other test subjects"
@@ -214,7 +235,7 @@ def test_a_finished_model_for_other_test_subjects_is_named_by_training_and_run(r
 def test_a_training_that_fails_ends_the_run(root, tmp_path):
     folder = tmp_path / "models" / "tosca-III"
     folder.mkdir(parents=True)
-    (folder / "seed0").write_text("no folder")
+    (folder / "nearest-view-seed0").write_text("no folder")
     selection = ("-t", "III-view", "-m", "nearest-view", *LIGHT, "--results", tmp_path)
     told = call("run", *selection, "--data-root", root, "-j", 1, "--train", code=2)
     assert "the training of nearest-view on 'tosca-III' failed" in told
