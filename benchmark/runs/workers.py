@@ -93,6 +93,10 @@ _CUT_OFF = (
     "a method may not write to, or close, a descriptor that it did not open"
 )
 
+#: Environment variable without which each process has another order of the texts in a set, so that
+#: a method that depends on it would have other figures in each run.
+_ORDER_OF_SETS = "PYTHONHASHSEED"
+
 #: The program of a worker; a module of its own would exist twice in it, as ``__main__``. The main
 #: program stops it; batch systems send SIGINT to every process, and a file in the current folder
 #: replaces no module of Python. It finds the modules that the main program finds, which may have
@@ -270,7 +274,7 @@ class Worker:
                 numbers = theirs.fileno(), self._memory, os.getpid(), state_of_suite()
                 places = [place for place in sys.path if isinstance(place, str)]
                 arguments = json.dumps(numbers), json.dumps(places)
-                variables = environment() | {THREADS: str(self._threads)}
+                variables = environment() | {THREADS: str(self._threads), _ORDER_OF_SETS: "0"}
                 if process:  # of a plugin
                     self._folder = make_folder()
                     variables = away_from_home(variables, self._folder)

@@ -310,6 +310,23 @@ def test_a_frame_has_the_time_of_all_shapes_of_a_large_data_set(view, limit):
     assert Worker(2**30, 60.0, 1)._time_limit(Task((step,))) == limit
 
 
+def test_sets_of_texts_have_one_order_in_all_processes(monkeypatch):
+    program = """
+import json
+import sys
+from multiprocessing.connection import Connection
+Connection(json.loads(sys.argv[1])[0]).send(list({*map(str, range(99))}))
+"""
+    monkeypatch.setattr("benchmark.runs.workers._PROGRAM", program)
+    orders = []
+    for process in ("", "plugin.py:Method", "plugin.py:Method"):
+        worker = Worker(2**30, 60.0, 1)
+        worker._start(process)
+        orders.append(worker.connection.recv())
+        worker.close()
+    assert orders[0] == orders[1] == orders[2]
+
+
 def test_a_copy_of_a_process_says_nothing_of_work_that_it_may_not_end():
     ours, theirs = Pipe()
     tell = partial(_tell, theirs, os.getpid())
