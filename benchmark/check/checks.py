@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from inspect import Parameter, signature
 from pathlib import Path
@@ -352,14 +353,21 @@ def _seed(case: Case) -> str:
             raise FailedCheck(f"{problem}; draw from shape.random(), or drop the flag")
         hint = "the answer depends on the name of the shape; draw from shape.random()"
         _require_same(case.reference, case.answer(case.shape(name="another name")), hint)
-        return "the same under one seed, different under another"
-    hint = (
-        "the answer depends on the name or the seed of the shape; "
-        "use neither, or declare deterministic=False"
-    )
-    renamed = case.shape(name="another name", seed=1)
-    _require_same(case.reference, case.answer(renamed), hint)
-    return "neither the seed nor the name of a shape matters"
+        finding = "the same under one seed, different under another"
+    else:
+        hint = (
+            "the answer depends on the name or the seed of the shape; "
+            "use neither, or declare deterministic=False"
+        )
+        renamed = case.shape(name="another name", seed=1)
+        _require_same(case.reference, case.answer(renamed), hint)
+        finding = "neither the seed nor the name of a shape matters"
+    # Another shape of the same name, as the view of a shape, or a shape of another data set.
+    other = case.shape(BENDS[1])
+    namesake = replace(other, identifier=case.shape().identifier)
+    hint = "the answer is that for an earlier shape of the same name; keep no results by name"
+    _require_same(case.answer(other), case.answer(namesake), hint)
+    return finding
 
 
 def _relabelling(case: Case) -> str:

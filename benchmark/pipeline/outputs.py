@@ -50,6 +50,9 @@ MOST_WITH_ALL_PAIRS = 20_000
 #: Largest coordinate of a form, which is stored in single precision.
 _LARGEST_COORDINATE = float(np.finfo(np.float32).max)
 
+#: Largest step between two numbers in single precision near a form, in units of its extent.
+_LARGEST_ROUNDING = 1e-4
+
 #: Kinds of numpy's types that are numbers, real numbers, and numbers or texts.
 _NUMBERS = "biuf"
 _REAL_NUMBERS = "iuf"
@@ -171,9 +174,14 @@ def _check_surface(method: Method, mesh: Mesh) -> None:
     hint = "keep the scale and the triangles of the shape"
     if not len(mesh.faces):
         raise InvalidForm(f"{_name(method)} returned a form without triangles", hint)
-    if np.abs(mesh.vertices).max() > _LARGEST_COORDINATE:
+    largest = np.abs(mesh.vertices).max()
+    if largest > _LARGEST_COORDINATE:
         problem = f"{_name(method)} returned coordinates too large for single precision"
         raise InvalidForm(problem, hint)
+    extent = np.ptp(mesh.vertices, axis=0).max()  # 0 is left to the scorer
+    if extent and np.spacing(np.float32(largest)) > _LARGEST_ROUNDING * extent:
+        problem = f"{_name(method)} returned a form that single precision cannot resolve"
+        raise InvalidForm(problem, "move it to the origin, and keep the scale of the shape")
 
 
 def _check_note(method: Method, name: str, value: object) -> None:
