@@ -10,6 +10,7 @@ accepted values, and ``Annotated`` adds a constraint to the type::
 from __future__ import annotations
 
 import dataclasses
+import inspect
 import itertools
 import math
 import re
@@ -18,7 +19,7 @@ from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from enum import Enum
 from functools import cache
-from types import NoneType, UnionType
+from types import MemberDescriptorType, NoneType, UnionType
 from typing import Annotated, Any, Literal
 
 import msgspec
@@ -312,6 +313,11 @@ def declared_parameters(cls: type[Any]) -> dict[str, tuple[Any, Any]]:
     dict
         For each name, the type with its constraints, and the default, which is
         ``dataclasses.MISSING`` if there is none.
+
+    Raises
+    ------
+    ConfigurationError
+        If a type is unknown, or the class sets a parameter that it does not declare.
     """
     if not dataclasses.is_dataclass(cls):
         return {}
@@ -320,11 +326,26 @@ def declared_parameters(cls: type[Any]) -> dict[str, tuple[Any, Any]]:
     for field in dataclasses.fields(cls):
         if not field.init:
             continue
+        _check_declared(cls, field)
         default = field.default
         if field.default_factory is not dataclasses.MISSING:
             default = field.default_factory()
         parameters[field.name] = (hints[field.name], default)
     return parameters
+
+
+def _check_declared(cls: type[Any], field: dataclasses.Field[Any]) -> None:
+    """Raise ``ConfigurationError`` if a class sets an inherited parameter without declaring it.
+
+    Its objects would have the default of the class that declares the parameter.
+    """
+    value = inspect.getattr_static(cls, field.name, field.default)
+    is_slot = isinstance(value, MemberDescriptorType)
+    if value is field.default or is_slot:
+        return
+    problem = f"{cls.__name__} sets {field.name}, but does not declare it as a parameter"
+    hint = f"write '{field.name}: TYPE = VALUE' in it, and @dataclass(frozen=True) above it"
+    raise ConfigurationError(problem, hint)
 
 
 @cache

@@ -230,9 +230,7 @@ class Component:
         if missing:
             problem = f"{self.kind} '{self.base_name}' needs {', '.join(missing)}"
             raise ConfigurationError(problem, f"pip install {' '.join(missing)}")
-        parameters = {}
-        if self.parameters:
-            parameters = read_back(self.load(), self.parameters, self.base_name)
+        parameters = read_back(self.load(), self.parameters, self.base_name)
         try:
             created = self.load()(**parameters)
         except BenchmarkError:

@@ -18,6 +18,7 @@ from benchmark.api.contracts import CheckedParameters, Interval, Matches
 from benchmark.api.parameters import (
     assignments,
     checked,
+    declared_parameters,
     format_value,
     non_default_values,
     parameter_values,
@@ -281,6 +282,43 @@ def test_a_default_is_known_in_each_way_to_write_it() -> None:
     assert non_default_values(Sample, given) == {"default_of_numpy": 0.1}
     assert non_default_values(Sample, {"side": Side.RIGHT}) == {"side": "right"}
     assert non_default_values(Sample, {"default_of_numpy": np.float32(0.1)}) == {}
+
+
+class NotDecorated(Guarded):
+    """Its default is that of the class from which it inherits."""
+
+    least: Annotated[int, Interval(1)] = 2
+
+
+@dataclass(frozen=True, kw_only=True)
+class NotDeclared(Guarded):
+    """Likewise."""
+
+    least = 2
+
+
+@dataclass(frozen=True, kw_only=True)
+class NotDeclaredList(Sample):
+    """Likewise, of a default that is made for each object."""
+
+    made = (1, 2)
+
+
+@pytest.mark.parametrize("cls", [NotDecorated, NotDeclared, NotDeclaredList])
+def test_a_default_that_python_ignores_is_named(cls: type) -> None:
+    message = f"{cls.__name__} sets (least|made), but does not declare it as a parameter; write "
+    with pytest.raises(ConfigurationError, match=message):
+        declared_parameters(cls)
+
+
+def test_a_default_of_a_class_that_inherits_is_its_own() -> None:
+    @dataclass(frozen=True, kw_only=True, slots=True)
+    class Own(Guarded):
+        least: Annotated[int, Interval(1)] = 2
+        made: list[int] = field(default_factory=list)
+
+    assert [default for _, default in declared_parameters(Own).values()] == [2, []]
+    assert Own().least == 2
 
 
 def test_a_class_may_check_itself() -> None:
