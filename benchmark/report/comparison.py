@@ -299,8 +299,13 @@ class _Pair:
             "differing": np.count_nonzero(np.abs(gains).max(axis=1, initial=0) > SAME),
             "seen": len(self.shared) - n_queries,
             "classes": len(set(self.labels)),
-            "refused": len(self.mine.refused ^ self.other.refused),
+            "refused": self._count_refused_by_one(),
         }
+
+    def _count_refused_by_one(self) -> int:
+        """Return how many shapes have a result by one of the two alone, in galleries of both."""
+        shared = self.mine.records.keys() & self.other.records.keys()
+        return len(self.mine.refused_in(shared) ^ self.other.refused_in(shared))
 
     def _verdicts(
         self, p_values: NDArray[np.float64], differences: NDArray[np.float64]

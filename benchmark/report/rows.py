@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import chain
@@ -111,8 +111,12 @@ class RowScores:
     @cached_property
     def refused(self) -> frozenset[str]:
         """Shapes without a result, with their gallery."""
+        return self.refused_in(self.records)
+
+    def refused_in(self, galleries: Iterable[str]) -> frozenset[str]:
+        """Return the shapes without a result in the rankings of some galleries that it has."""
         refused = set[str]()
-        for record in self.all_records:
+        for record in chain.from_iterable(self.records[name] for name in galleries):
             for side in record.sides:
                 refused.update(f"{side.gallery} {shape}" for shape, _ in side.unsupported)
         return frozenset(refused)

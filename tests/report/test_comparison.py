@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from benchmark.errors import ConfigurationError
+from benchmark.protocols.tables import SYNTHETIC_HUMANS
 from benchmark.report.comparison import ABOVE, _p_value, compare_rows, details, summaries
 from benchmark.report.notes import QUICK, leads, table_notes
 from benchmark.report.statistics import permutation_test
@@ -162,6 +163,16 @@ def test_shapes_that_one_of_two_rows_refused_are_counted():
     assert heading == f"rods, mesh: 0 of 16 queries differ; {says}"
     ((_, (_, line)),) = summaries(compared(rows, "a"))
     assert line[-1] == f"not significant (8 classes); {says}"
+    # Networks rank the first draw alone; what a form refuses in another one is not compared.
+    draws = {name: {"dataset": name, "labels": LETTERS} for name in SYNTHETIC_HUMANS[:2]}
+    first, second = draws.values()
+    rows = [
+        record("gps", **first),
+        record("gps", unsupported=both, **second),
+        record("learned", input_="view", models=[], **first),
+    ]
+    views = table_views(rows, ["I"])
+    assert set(compare_rows(views, "gps", "learned")["refused"]) == {0}
 
 
 @pytest.mark.parametrize(
