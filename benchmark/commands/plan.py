@@ -8,6 +8,7 @@ from collections import defaultdict
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -38,6 +39,7 @@ from benchmark.pipeline.data_names import label_data_sets
 from benchmark.pipeline.record_files import read_records
 from benchmark.pipeline.records import Record
 from benchmark.registry import Component, are_named
+from benchmark.registry.names import base_name
 from benchmark.runs.lacking import LackingModel, lacking_models
 from benchmark.runs.planning import Estimate, Planned, estimate, plan_selection
 from benchmark.text import listed, nfc
@@ -281,7 +283,8 @@ def plan(
     Raises
     ------
     ConfigurationError
-        If a name is unknown, or nothing is selected.
+        If a name is unknown, or nothing is selected, be it of a single method, table or data set
+        that is named.
     DatasetError
         If a data set cannot be used. Of several, those that can are planned, and the errors of the
         others are those of :attr:`Plan.refused`.
@@ -324,6 +327,8 @@ def plan(
         if not (refused and usable):
             raise
         jobs = jobs_of(datasets=usable)
+    if not refused:
+        _check_have_jobs(as_list(methods), as_list(tables), jobs)
     if of_programs:
         for job in jobs:
             check_forms(job.record, job.before, job.job.method.given)
@@ -338,6 +343,27 @@ def plan(
         notes=tuple(shadowed_folders(filter(None, [*sets, gallery]), root)),
         refused=refused,
     )
+
+
+def _check_have_jobs(
+    methods: Sequence[Any], tables: Sequence[str], jobs: Sequence[Planned]
+) -> None:
+    """Raise ``ConfigurationError`` if a method or a table is named that has no job."""
+    filled: set[str] = set()
+    for gallery in chain.from_iterable(job.galleries for job in jobs):
+        filled |= {gallery.table.identifier, gallery.table.part_of}
+    empty = [name for name in tables if name not in filled]
+    if empty:
+        problem = f"table {listed(empty)} has no job in this selection"
+        raise ConfigurationError(problem, "drop this table, or -d, -m or --input")
+    if not are_named(methods):
+        return
+    running = {job.job.method.base_name for job in jobs}
+    names = [name for name in methods if isinstance(name, str)]
+    idle = [name for name in names if base_name(name.strip()) not in running]
+    if idle:
+        problem = f"{listed(idle)} has no row in the selected tables"
+        raise ConfigurationError(problem, "drop it, or -t or --input")
 
 
 def _named_subjects(subjects: str | Sequence[str] | None) -> list[str]:

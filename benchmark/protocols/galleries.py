@@ -44,7 +44,6 @@ from benchmark.protocols.tables import (
 from benchmark.protocols.trainings import NoFolds, Training, trainings_by_shape
 from benchmark.reference.paper import CLASSICAL
 from benchmark.registry import Component
-from benchmark.text import listed
 
 #: The network of the paper, whose row says so where it has no model.
 NETWORK = "learned"
@@ -366,8 +365,8 @@ def galleries(
     Raises
     ------
     ConfigurationError
-        If a name is unknown, nothing is selected of a table or data set that was named, or an
-        ablation is combined with ``quick``.
+        If a name is unknown, nothing is selected of a data set that was named, or an ablation is
+        combined with ``quick``.
     DatasetError
         If a data set is missing or unreadable, or its part in a table is unfit for retrieval.
     """
@@ -394,19 +393,7 @@ def galleries(
         if input is not None:
             of_sets = _of_input(of_sets, input)
         chosen += of_sets
-    _check_tables_have_galleries(identifiers, chosen)
     return chosen
-
-
-def _check_tables_have_galleries(named: Iterable[str], chosen: Iterable[Gallery]) -> None:
-    """Raise ``ConfigurationError`` if a table was named of which nothing is selected."""
-    filled: set[str] = set()
-    for gallery in chosen:
-        filled |= {gallery.table.identifier, gallery.table.part_of}
-    empty = [name for name in named if name not in filled]
-    if empty:
-        problem = f"table {listed(empty)} has no shapes in this selection"
-        raise ConfigurationError(problem, "drop this table, or -d or --input")
 
 
 def _table_of_queries(name: str, gallery: str, gallery_views: int, *, same_names: bool) -> Table:

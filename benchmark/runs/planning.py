@@ -29,7 +29,6 @@ from benchmark.protocols.galleries import Gallery, galleries
 from benchmark.protocols.models import MissingModel, Model, TooNear
 from benchmark.protocols.trainings import NoFolds
 from benchmark.registry import Component, are_named, select, select_one
-from benchmark.registry.names import base_name
 from benchmark.runs.tasks import STAGE_MODULES, Job, ShapeSource, Step, code_of_step
 from benchmark.runs.unchanged import PlannedCode
 from benchmark.text import clean_text, listed
@@ -207,7 +206,7 @@ def plan_selection(
     Raises
     ------
     ConfigurationError
-        If a name is unknown, or nothing is selected, also for a single name.
+        If a name is unknown, or nothing is selected.
     """
     selected_methods = select(methods, plugins)
     selected_scorer = select_one(scorer, plugins, "scorer")
@@ -233,35 +232,7 @@ def plan_selection(
     if not planned:
         problem = "no selected method belongs to a selected table"
         raise ConfigurationError(problem, "drop -m, -t or --input")
-    if is_named:
-        _check_have_jobs(methods, selected_methods, planned.values())
     return list(planned.values())
-
-
-def _check_have_jobs(
-    names: Iterable[Any], methods: Iterable[Component], planned: Iterable[Planned]
-) -> None:
-    """Raise ``ConfigurationError`` if a method was named that has no job in the selected tables.
-
-    Parameters
-    ----------
-    names
-        What the user named.
-    methods
-        The methods that are selected by it, with those of a plugin file of which none was named.
-    planned
-        The jobs.
-    """
-    base_names = {base_name(name.strip()) for name in names if isinstance(name, str)}
-    with_jobs = {job.job.method.name for job in planned}
-    without = []
-    for method in methods:
-        is_named = not method.plugin or method.base_name in base_names
-        if is_named and method.name not in with_jobs:
-            without.append(method.name)
-    if without:
-        problem = f"{listed(without)} has no row in the selected tables"
-        raise ConfigurationError(problem, "drop it, or -t or --input")
 
 
 def _check_pair(record: Record) -> None:

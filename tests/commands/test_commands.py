@@ -565,3 +565,36 @@ def test_scores_of_another_version_of_the_data_are_in_no_table_and_averaged_with
     assert values(tables.scores) == [0.75]
     assert values(benchmark.tables("rods", results=results).scores) == [0.75]
     assert values(benchmark.open_results(results).scores) == [0.25, 0.75]
+
+
+@pytest.mark.parametrize(
+    ("methods", "tables", "message"),
+    [
+        (["gps", "learned"], ["III"], "learned has no row in the selected tables"),
+        (["gps"], ["I", "III"], "table I has no job in this selection"),
+        (["gps"], ["III", "III-view"], "table III-view has no job in this selection"),
+        (["gps"], ["III"], ""),
+    ],
+)
+def test_a_method_or_table_that_is_named_and_has_no_job_is_refused_beside_others(
+    tmp_path, methods, tables, message
+):
+    selected = {"quick": True, "input": "mesh", "results": tmp_path}
+    if message:
+        with pytest.raises(ConfigurationError, match=message):
+            benchmark.plan("animals", methods, tables=tables, **selected)
+    else:
+        assert len(benchmark.plan("animals", methods, tables=tables, **selected).jobs) == 1
+
+
+def test_a_data_set_that_is_refused_lets_the_tables_of_others_run(tmp_path):
+    """Each is tried alone, and fills one of the tables."""
+    planned = benchmark.plan(
+        ["animals", "humans-scanlike", tmp_path / "none"],
+        "gps",
+        tables=["II", "III"],
+        input="mesh",
+        results=tmp_path,
+    )
+    assert [*planned.refused] == [str(tmp_path / "none")]
+    assert {job.record.data.name for job in planned.jobs} == {"animals", "humans-scanlike"}

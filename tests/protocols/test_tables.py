@@ -111,11 +111,9 @@ def test_a_folder_gets_its_own_table_with_both_inputs(rods, tmp_path):
         (["III"], ["animals", "rods"], {}, "no selected table uses .*rods"),
         ([], ["rods", "frames"], {"input": "mesh"}, "'frames' has no complete surfaces"),
         ([], ["rods", "animals"], {"subjects": ["thin", "thick"]}, "unknown subject 'thin'"),
-        (["I", "III"], ["animals"], {}, "table I has no shapes in this selection"),
-        (["III", "III-view"], [], {"input": "mesh"}, "table III-view has no shapes in this sele"),
     ],
 )
-def test_a_name_of_which_nothing_is_selected_is_refused_beside_others_in_any_order(
+def test_a_data_set_of_which_nothing_is_selected_is_refused_beside_others_in_any_order(
     tables, sets, options, message, rods, frames
 ):
     folders = {"rods": str(rods), "frames": str(frames)}
@@ -229,11 +227,3 @@ def test_a_model_that_saw_the_test_shapes_has_no_row_where_none_may_have(tmp_pat
     assert "100 shapes were seen in training" in job.reason
     allowed, *_ = plan_selection(tmp_path, tables=["III"], methods=["learned"], **options)
     assert allowed.record.seen and allowed.state == "missing"
-
-
-def test_a_named_method_without_a_row_in_the_selected_tables_is_refused_beside_others(tmp_path):
-    selected = {"tables": ["III"], "quick": True, "input": "mesh"}
-    with pytest.raises(ConfigurationError, match="learned has no row in the selected tables"):
-        plan_selection(tmp_path, methods=["gps", "learned"], **selected)
-    (job,) = plan_selection(tmp_path, methods=["gps"], **selected)
-    assert job.record.method == "gps"
