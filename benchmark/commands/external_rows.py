@@ -7,6 +7,7 @@ import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ from benchmark.code_digest import code_of_modules, digest, digest_of_bytes
 from benchmark.commands.score import Evaluation, score
 from benchmark.commands.selection import as_sets
 from benchmark.datasets.catalogue import folder_name, is_known
-from benchmark.datasets.mesh_files import READABLE, read_mesh
+from benchmark.datasets.mesh_files import MESHES, mesh_stem, mesh_suffix, read_mesh
 from benchmark.errors import ConfigurationError, ShapeError, UnsupportedShape
 from benchmark.pipeline.cache import Cache, writing
 from benchmark.pipeline.data_names import label_data_sets, records_of
@@ -29,7 +30,7 @@ from benchmark.pipeline.records import EXTERNAL, Record, record_of
 from benchmark.registry import Component
 from benchmark.report.record_facts import fold_of
 from benchmark.runs.tasks import STAGE_MODULES
-from benchmark.text import brief
+from benchmark.text import brief, printable
 from retrieval.measures import score_draws
 
 
@@ -326,8 +327,19 @@ class ExternalForms:
 
     def file_of(self, name: str) -> Path | None:
         """Return the mesh file of a shape; None if there is none."""
-        files = (self.folder / f"{name}{suffix}" for suffix in READABLE)
-        return next(filter(Path.is_file, files), None)
+        return self._files_by_name.get(name)
+
+    @cached_property
+    def _files_by_name(self) -> dict[str, Path]:
+        """The mesh files of the folder by the names of their shapes; of several, the preferred."""
+        files = [Path(file) for file in self.info.files]
+        meshes = [path for path in files if mesh_suffix(path) in MESHES]
+        meshes.sort(key=lambda path: MESHES.index(mesh_suffix(path)))
+        by_name: dict[str, Path] = {}
+        for path in meshes:
+            parts = (*path.relative_to(self.folder).parent.parts, mesh_stem(path))
+            by_name.setdefault("/".join(map(printable, parts)), path)
+        return by_name
 
 
 def forms_of(folder: Path, title: str) -> Component:

@@ -150,6 +150,32 @@ def test_forms_are_a_row_that_is_scored_once(tmp_path):
     )
 
 
+@pytest.mark.parametrize(
+    ("shape", "file"),
+    [
+        ("cat1", "cat1.OFF"),
+        ("cat1", "cat1.Obj"),
+        ("cat1", "cat1.ply.gz"),
+        ("cat.v2", "cat.v2.stl"),
+        ("caf\u00e9/1", "cafe\u0301/1.off"),
+        (r"cat\n1", "cat\n1.off"),
+        ("cat1", "cat1.3mf"),
+    ],
+)
+def test_a_form_has_each_name_that_the_file_of_a_shape_may_have(tmp_path, shape, file):
+    (tmp_path / file).parent.mkdir(exist_ok=True)
+    (tmp_path / file).write_text("")
+    forms = forms_of(tmp_path, "Mine").create()
+    assert forms.file_of(shape) == tmp_path / file
+    assert forms.file_of("dog1") is None
+
+
+def test_of_two_files_of_a_form_that_of_the_preferred_format_is_read(tmp_path):
+    for file in ("cat1.obj", "cat1.off", "cat1.ply"):
+        (tmp_path / file).write_text("")
+    assert forms_of(tmp_path, "Mine").create().file_of("cat1") == tmp_path / "cat1.off"
+
+
 def test_where_a_row_goes_is_checked_before_anything_is_computed_or_printed(tmp_path, monkeypatch):
     monkeypatch.setattr("benchmark.cli.scores.say_lines", None)
     command = (
