@@ -25,6 +25,8 @@ from benchmark.commands.selection import (
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.datasets.frames import frame_settings
 from benchmark.datasets.mesh_files import read_surface
+from benchmark.datasets.official import SETS
+from benchmark.datasets.settings import with_settings
 from benchmark.defaults import DEFAULT_SCORER
 from benchmark.depth.frame import HALF_WIDTH, UPRIGHT, FrameFiles
 from benchmark.depth.reading import EXTENSIONS, is_depth_file
@@ -46,6 +48,9 @@ from benchmark.runs.planning import Planned
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from pandas import DataFrame
+
+#: A query that is no shape of the gallery: the settings of its folder name others alone.
+_QUERY = Entry("", "", "")
 
 _IN_WORDS: dict[Input, str] = {"mesh": "complete surfaces", "view": "views"}
 
@@ -256,7 +261,7 @@ def retrieve(
         doubts = [*prepared.doubts, *_doubts(found, shape, maker, is_image=is_image)]
     camera = UPRIGHT
     if of_query == "mesh":
-        camera = shapes.camera(known) if known else FRONT
+        camera = shapes.camera(known) if known else _with_query(shapes, shape.mesh).camera(_QUERY)
     return RetrievedShapes(
         shape,
         name,
@@ -315,7 +320,7 @@ class _Prepared:
         return self.of_mesh(read_surface(path))
 
     def of_mesh(self, mesh: Mesh) -> Arrays:
-        """Return a mesh, or its view from the front in the frame of the gallery.
+        """Return a mesh, or its view in the frame of the gallery, as if it lay in the gallery.
 
         Raises
         ------
@@ -327,9 +332,11 @@ class _Prepared:
                 "the query is a mesh, not a depth image",
                 "omit --intrinsics, --mask and --depth-scale",
             )
+        gallery = _with_query(self.shapes.shapes, mesh)
+        mesh = gallery.load(_QUERY)
         if self.shapes.input == "mesh":
             return prepare_mesh(mesh)
-        return prepare_view(mesh, FRONT, self._half_width())
+        return prepare_view(mesh, gallery.camera(_QUERY), self._half_width())
 
     def _of_depth_image(self, path: Path, *, of_gallery: bool) -> Arrays:
         """Return a depth image; one of the gallery has the camera of its folder."""
@@ -352,6 +359,19 @@ class _Prepared:
         if self.shapes.input == "mesh":
             return 0.0
         return frame_of(self.shapes.shapes)
+
+
+def _with_query(shapes: ShapeSet, mesh: Mesh) -> ShapeSet:
+    """Return a gallery with a new mesh, which has the unit, the size and the camera of its shapes.
+
+    These are what the settings of its folder state for shapes that they do not name.
+    """
+    shapes = shapes.framed or shapes  # views bear other names than the shapes that settings name
+    if shapes.folder is None or shapes.observe is not None:
+        return replace(shapes, load=lambda _: mesh, camera=lambda _: FRONT)
+    official = SETS.get(shapes.name)
+    camera = official.camera(_QUERY) if official else FRONT
+    return with_settings(replace(shapes, load=lambda _: mesh, camera=lambda _: camera))
 
 
 def _is_file(entry: Entry, path: Path) -> bool:

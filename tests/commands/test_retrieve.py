@@ -12,7 +12,7 @@ import benchmark
 from benchmark.errors import ConfigurationError, UnreadableMesh
 from benchmark.pipeline.record_files import read_records
 from tests.runs.toy import without_processes
-from tests.toy import SMALL_SCORER, rod
+from tests.toy import SMALL_SCORER, rod, write_rods
 from tests.verbs import call, refusal
 
 QUERY = "thick1.off"
@@ -63,6 +63,31 @@ def test_a_mesh_of_another_library_finds_what_a_copy_of_its_file_finds(gallery, 
         matches = found(query, gallery)
         pandas.testing.assert_frame_equal(matches.frame, of_file.frame)
         assert matches.decision == of_file.decision
+
+
+@pytest.mark.parametrize(
+    ("settings", "input"),
+    [
+        ('unit = "mm"', "mesh"),
+        ('normalise = "area"', "mesh"),
+        ('unit = "mm"', "view"),
+        ('up = "y"', "view"),
+        ('camera = "side"\n[canonical_pose]\nthick = "1"', "view"),
+    ],
+)
+def test_a_new_mesh_has_the_unit_and_the_camera_of_the_folder(tmp_path, settings, input):
+    """The area of a surface, or of a view of it, tells whether size and camera are right."""
+    folder = write_rods(tmp_path / "rods", bends=(0.0, 1.0))
+    (folder / "dataset.toml").write_text(settings)
+    results = tmp_path / "results"
+    selected = ("-d", folder, "-m", "surface-area", "--input", input, "--results", results)
+    with without_processes():
+        call("run", *selected, "-j", 0)
+    copy = shutil.copy(folder / QUERY, tmp_path)
+    for query in (copy, trimesh.load(copy, process=False)):
+        matches = benchmark.retrieve(query, folder, "surface-area", input=input, results=results)
+        assert matches.frame["name"][0] == "thick1"
+        assert matches.frame["distance"][0] == pytest.approx(0, abs=1e-12)
 
 
 def test_a_mesh_that_no_file_holds_is_found_beside_its_own_build(gallery):
