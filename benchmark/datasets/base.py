@@ -46,13 +46,17 @@ def check_retrievable(dataset: ShapeSet, entries: Iterable[Entry] | None = None)
     if len(members) < 2:
         problem = f"{what} has one class ('{next(iter(members))}'), so every ranking is perfect"
         hint = (
-            "sort the meshes into one sub-folder per class, add a .cla file, "
+            "sort the meshes into one sub-folder per class, list them in labels.txt, "
             "or name them CLASS + number"
         )
         raise DatasetError(problem, hint)
     if max(map(len, members.values())) < 2:
         problem = f"each class of {what} has one shape, so nothing can be retrieved"
-        raise DatasetError(problem, "add a second shape to at least one class")
+        hint = (
+            "add a second shape to at least one class; or if file names are taken for classes, "
+            "sort the meshes into sub-folders, or list them in labels.txt"
+        )
+        raise DatasetError(problem, hint)
 
 
 def canonical_shapes(dataset: ShapeSet) -> Mapping[str, Entry]:

@@ -47,8 +47,11 @@ _KNOWN_EXTENSIONS = frozenset({*MESHES, *COMPANIONS, *EXTENSIONS, *_ACCESSORIES}
 #: Names of lists of classes of the Princeton Shape Benchmark.
 _CLA = re.compile(r".*\.cla", re.IGNORECASE)
 
-#: The same, and names of files with lines ``name label``, which the folder of a user may have.
-_LISTS = re.compile(r".*\.cla|labels\.(txt|csv|tsv)", re.IGNORECASE)
+#: The same, and names of files of labels, which the folder of a user may have; those that are no
+#: text with lines ``name label`` are refused, as classes would come from elsewhere in silence.
+_LISTS = re.compile(
+    r".*\.cla|labels\.(txt|csv|tsv|json|ya?ml|xml|xlsx?|ods|npy|npz|mat|pkl)", re.IGNORECASE
+)
 
 
 def folder_set(folder: Path, name: str = "") -> ShapeSet:

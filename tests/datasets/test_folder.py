@@ -72,8 +72,11 @@ def test_a_wrong_cla_file_is_named(tmp_path, text, message):
 def test_classes_of_one_shape_cannot_be_ranked(tmp_path):
     for name in ("cat", "dog"):
         write_off(tmp_path / "single" / f"{name}.off", rod(0.1, 1))
-    with pytest.raises(DatasetError, match="each class of data set 'single' has one shape"):
+    with pytest.raises(
+        DatasetError, match="each class of data set 'single' has one shape"
+    ) as error:
         check_retrievable(folder_set(tmp_path / "single"))
+    assert "list them in labels.txt" in error.value.hint
 
 
 def test_the_recipe_follows_the_bytes_not_the_place(tmp_path):
@@ -185,6 +188,26 @@ def test_what_systems_write_beside_shapes_is_no_shape(rods):
     os.mkfifo(rods / "thin7.off")
     with pytest.raises(UnreadableMesh, match=r"thin7\.off: it is a pipe or a device"):
         folder_set(rods).load(folder_set(rods).shapes[-1])
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("labels.json", b'{"thin0": "odd"}'),
+        ("labels.yaml", b"thin0: odd\n"),
+        ("labels.YML", b"thin0: odd\n"),
+        ("labels.xml", b"<labels/>"),
+        ("labels.xlsx", b"PK\x03\x04"),
+        ("labels.npy", b"\x93NUMPY"),
+        ("labels.npz", b"PK\x03\x04"),
+        ("labels.mat", b"MATLAB 5.0 MAT-file\0"),
+        ("labels.pkl", b"\x80\x04"),
+    ],
+)
+def test_labels_that_cannot_be_read_are_refused_and_no_names_taken_instead(rods, name, content):
+    (rods / name).write_bytes(content)
+    with pytest.raises(BenchmarkError, match=name):
+        folder_set(rods)
 
 
 @pytest.mark.parametrize(
