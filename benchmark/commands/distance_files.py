@@ -123,7 +123,7 @@ def _check_is_matrix(matrix: NDArray[Any], what: str, content: Any, *, is_square
     hint = _HINT
     if matrix.ndim == 0:
         given = f"one value of type {type(content).__name__}"
-    if matrix.ndim == 1:
+    if matrix.ndim == 1 or (matrix.ndim == 2 and 1 in matrix.shape):
         hint = "pass scipy.spatial.distance.squareform of it"
     raise ConfigurationError(f"{what}: {given} is no {needed} matrix", hint)
 
@@ -276,12 +276,13 @@ def _matrix_of(variables: Mapping[str, Any], n_rows: int, n_columns: int) -> Any
     Returns
     -------
     numpy.ndarray or pandas.DataFrame
-        A frame if the matrix is square, and another variable lists the names of its shapes.
+        A frame if another variable lists the names of its shapes, as texts or whole numbers.
 
     Raises
     ------
     ConfigurationError
-        If several matrices fit, or none, or another variable numbers the rows out of order.
+        If several matrices fit, or none, or another variable numbers the rows out of order, or
+        names may be those of rows or of columns.
     """
     from pandas import DataFrame
 
@@ -295,15 +296,34 @@ def _matrix_of(variables: Mapping[str, Any], n_rows: int, n_columns: int) -> Any
         expected = (n_rows, n_columns) if n_columns else array.shape[:1] * 2  # (n, n)
         if array.dtype.kind in "iuf" and array.shape == expected:
             fitting.append(name)
-    matrix = arrays[_only(fitting)]
+    matrix = arrays.pop(_only(fitting))
+    rows = columns = _names_of_axis(arrays, len(matrix))
     if n_columns:
-        return matrix
-    _check_row_numbers(arrays, len(matrix))
-    for names in _lists_of_names(arrays):
-        are_unique = len(set(names)) == len(names)
-        if are_unique and len(names) == len(matrix):
-            return DataFrame(matrix, names, names)
-    return matrix
+        columns = _names_of_axis(arrays, n_columns)
+        if rows and columns and n_rows == n_columns:
+            problem = "it does not say whether its names are those of the rows or of the columns"
+            raise ConfigurationError(problem, "name rows and columns in a .csv file")
+    return DataFrame(matrix, rows, columns) if rows or columns else matrix
+
+
+def _names_of_axis(arrays: Mapping[str, NDArray[Any]], size: int) -> list[str] | None:
+    """Return the names of the rows, or of the columns, of a matrix; None if no array lists them.
+
+    Parameters
+    ----------
+    arrays
+        The other arrays of the file, by name.
+    size
+        Number of rows or columns.
+
+    Raises
+    ------
+    ConfigurationError
+        If an array numbers them out of order.
+    """
+    _check_row_numbers(arrays, size)
+    different = [names for names in _lists_of_names(arrays, size) if len(set(names)) == size]
+    return different[0] if different else None
 
 
 def _check_row_numbers(arrays: Mapping[str, NDArray[Any]], n_rows: int) -> None:
@@ -319,11 +339,12 @@ def _check_row_numbers(arrays: Mapping[str, NDArray[Any]], n_rows: int) -> None:
             raise ConfigurationError(problem, hint)
 
 
-def _lists_of_names(arrays: Mapping[str, NDArray[Any]]) -> Iterator[list[str]]:
-    """Yield the arrays of texts that can be names."""
-    for array in arrays.values():
-        if array.dtype.kind not in "SUO":
-            continue
+def _lists_of_names(arrays: Mapping[str, NDArray[Any]], n_rows: int) -> Iterator[list[str]]:
+    """Yield the arrays that can name rows: those of texts, then those of whole numbers."""
+    of_size = [array for array in arrays.values() if array.size == n_rows]
+    texts = [array for array in of_size if array.dtype.kind in "SUO"]
+    numbers = [array for array in of_size if array.dtype.kind in "iu"]
+    for array in (*texts, *numbers):
         try:
             yield names_of(array.ravel())
         except ConfigurationError:  # they are something else

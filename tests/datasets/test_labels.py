@@ -423,6 +423,8 @@ def with_names(joint=" "):
 
 NO_MATRICES = {
     "condensed": (pdist(np.arange(24.0).reshape(12, 2)), r"shape \(66,\).*; .*squareform"),
+    "condensed, a line": (" ".join(map(str, pdist(D))), r"shape \(1, 66\).*; .*squareform"),
+    "condensed, lines": ("\n".join(map(str, pdist(D))), r"shape \(66, 1\).*; .*squareform"),
     "sparse": (csc_matrix(D), "type csc_matrix is no N x N matrix"),
     "three axes": (D[None], r"array of shape \(1, 12, 12\)"),
     "complex": (D.astype(complex), "complex128, is no N x N"),
@@ -464,6 +466,40 @@ def test_an_archive_that_numbers_its_rows_in_another_order_is_refused(tmp_path, 
     np.savez(tmp_path / "d.npz", distances=D, ids=np.roll(numbers, 1))
     with pytest.raises(ConfigurationError, match="'ids' numbers the rows in another order"):
         score(tmp_path / "d.npz", NUMBERS)
+
+
+@pytest.mark.parametrize("dtype", ["i8", "u2", "U"])
+def test_an_archive_names_its_rows_by_texts_or_whole_numbers(tmp_path, dtype):
+    """Of a data set whose models have numbers, matrix and labels may have different orders."""
+    names = 7 * np.arange(12) + 100
+    order = RANDOM.permutation(12)
+    shuffled = {"D": D[np.ix_(order, order)], "id": names[order].astype(dtype)}
+    np.savez(tmp_path / "d.npz", **shuffled, n_vertices=np.full(12, 5000))
+    savemat(tmp_path / "d.mat", shuffled)
+    labels = {str(name): word for name, word in zip(names, WORDS, strict=True)}
+    for file in ("d.npz", "d.mat"):
+        assert score(tmp_path / file, labels).scores.loc["NN", "score"] == RIGHT[0]
+        with pytest.raises(ConfigurationError, match="name their shapes, and the labels do not"):
+            score(tmp_path / file, NUMBERS)
+
+
+def test_an_archive_names_the_rows_and_columns_of_a_rectangle(tmp_path):
+    rows, columns = (RANDOM.permutation(size) for size in (5, 7))
+    queries = dict(zip(NAMES[:5], WORDS, strict=False))
+    gallery = dict(zip(NAMES[5:], WORDS, strict=False))
+    right = score(D[:5, 5:], [*queries.values()], gallery=[*gallery.values()]).scores
+    np.savez(
+        tmp_path / "d.npz",
+        D=D[:5, 5:][np.ix_(rows, columns)],
+        queries=np.array(NAMES[:5])[rows],
+        gallery=np.array(NAMES[5:])[columns],
+    )
+    found = score(tmp_path / "d.npz", queries, gallery=gallery).scores
+    pd.testing.assert_frame_equal(found, right)
+    np.savez(tmp_path / "d.npz", D=D[:6, 6:], names=NAMES[:6])
+    halves = [dict(zip(names, WORDS, strict=False)) for names in (NAMES[:6], NAMES[6:])]
+    with pytest.raises(ConfigurationError, match="those of the rows or of the columns"):
+        score(tmp_path / "d.npz", halves[0], gallery=halves[1])
 
 
 def test_names_of_a_frame_are_read_like_those_of_labels():
