@@ -17,9 +17,10 @@ from numpy.typing import NDArray
 
 from benchmark.commands.distance_files import as_distances
 from benchmark.commands.shape_labels import ShapeLabels, are_row_numbers, as_labels
-from benchmark.datasets.labels import MISCELLANEOUS
+from benchmark.datasets.labels import MISCELLANEOUS, spelled_alike
 from benchmark.errors import ConfigurationError, did_you_mean
 from benchmark.report.statistics import FEWEST_CLASSES, class_intervals
+from benchmark.text import listed
 from retrieval.measures import MEASURES, Targets, chance_levels, evaluate
 
 if TYPE_CHECKING:
@@ -50,8 +51,8 @@ class Evaluation:
     distances
         The matrix, with a row for each query; if they are the gallery, with a diagonal of 0.
     notes
-        How many shapes are no queries, why there are no intervals, and whether the nearest are of
-        other classes more often than by chance.
+        How many shapes are no queries, which classes are spelled alike, why there are no intervals,
+        and whether the nearest are of other classes more often than by chance.
     """
 
     scores: DataFrame
@@ -172,7 +173,8 @@ def _evaluation(matrix: NDArray[np.float64], rows: _Side, targets: Targets | Non
         notes = _notes_on_shapes(len(matrix), scores.lone_queries)
     else:
         notes = _notes_on_queries(matrix, scores.lone_queries)
-    notes += _note_on_classes(query_classes)
+    in_gallery: list[str] = [] if targets is None else np.asarray(targets.labels).tolist()
+    notes += _notes_on_classes(query_classes, [*rows.classes, *in_gallery])
 
     # Nearest neighbours that are not clearly above chance, by their interval, raise doubts.
     low, high = class_intervals(values[:, :1], query_classes, fewest=2)[0]
@@ -244,12 +246,26 @@ def _notes_on_queries(matrix: NDArray[np.float64], n_lone: int) -> list[str]:
     return notes
 
 
-def _note_on_classes(labels: Iterable[str]) -> list[str]:
-    """Say that the queries are of too few classes for intervals, if they are."""
-    n_classes = len(set(labels))
-    if n_classes >= FEWEST_CLASSES:
-        return []
-    return [f"no intervals: the queries are of {n_classes} classes, fewer than {FEWEST_CLASSES}"]
+def _notes_on_classes(of_queries: Iterable[str], classes: Iterable[str]) -> list[str]:
+    """Say which classes are spelled alike, and whether there are too few for intervals.
+
+    Parameters
+    ----------
+    of_queries
+        Class of each query.
+    classes
+        Classes of all shapes.
+    """
+    notes = []
+    pairs = spelled_alike(classes)
+    if pairs:
+        notes.append(f"classes that differ in spelling alone count as two: {listed(pairs)}")
+    n_classes = len(set(of_queries))
+    if n_classes < FEWEST_CLASSES:
+        notes.append(
+            f"no intervals: the queries are of {n_classes} classes, fewer than {FEWEST_CLASSES}"
+        )
+    return notes
 
 
 def _check_diagonal(diagonal: NDArray[np.float64], matrix: NDArray[np.float64]) -> None:

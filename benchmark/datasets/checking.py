@@ -28,6 +28,7 @@ from benchmark.datasets.folder import (
     skipped_files,
     sub_folders,
 )
+from benchmark.datasets.labels import spelled_alike
 from benchmark.datasets.mesh_files import (
     POINTS,
     faces_without_corners,
@@ -374,13 +375,7 @@ def _problems_of_classes(dataset: ShapeSet) -> Iterator[Anomaly]:
 
 def classes_alike(dataset: ShapeSet) -> Iterator[Anomaly]:
     """Yield a warning if names of classes differ in case, blanks, hyphens or underscores alone."""
-    first_spelling: dict[str, str] = {}
-    pairs = []
-    for name in dict.fromkeys(entry.subject for entry in dataset.shapes):
-        plain = re.sub(r"[\s_-]+", " ", name).strip().casefold()
-        first = first_spelling.setdefault(plain, name)
-        if first != name:
-            pairs.append(f"'{first}' and '{name}'")
+    pairs = spelled_alike(entry.subject for entry in dataset.shapes)
     if pairs:
         what = f"classes that differ in spelling alone count as two: {listed(pairs)}"
         yield Anomaly("warning", (dataset.name,), what, "give each class one name")

@@ -414,6 +414,24 @@ def _check_spellings(classes: Iterable[str]) -> None:
             raise ConfigurationError(problem, "write one number in one way")
 
 
+def spelled_alike(classes: Iterable[str]) -> list[str]:
+    """Return the pairs of classes whose names differ in case, blanks, hyphens or underscores alone.
+
+    Each pair is a text: "'Cat' and 'cat'". Shapes of class -1 have no class whose name may be
+    wrong.
+    """
+    first_spelling: dict[str, str] = {}
+    pairs = []
+    for name in dict.fromkeys(classes):
+        if name.startswith(f"{MISCELLANEOUS} "):
+            continue
+        plain = re.sub(r"[\s_-]+", " ", name).strip().casefold()
+        first = first_spelling.setdefault(plain, name)
+        if first != name:
+            pairs.append(f"'{first}' and '{name}'")
+    return pairs
+
+
 def _says_none(label: bool | int | float | str) -> bool:
     """Return whether a text says that there is no label."""
     text = text_of(label)

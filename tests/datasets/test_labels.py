@@ -502,6 +502,17 @@ def test_an_archive_names_the_rows_and_columns_of_a_rectangle(tmp_path):
         score(tmp_path / "d.npz", halves[0], gallery=halves[1])
 
 
+def test_classes_that_differ_in_spelling_alone_are_named():
+    classes = [name for name in ("cat", "Cat", "big dog", "big-dog", "cow", "crow") for _ in "ab"]
+    said = "classes that differ in spelling alone count as two: "
+    (note,) = (note for note in score(D, classes).notes if "spelling" in note)
+    assert note == f"{said}'cat' and 'Cat', 'big dog' and 'big-dog'"
+    found = score(D[:6, 6:], WORDS[:6], gallery=["cat", "CAT", "dog", "dog", "cat", "cat"])
+    assert any("'cat' and 'CAT'" in note for note in found.notes)
+    named = dict(zip(["a-1", "a_1", *NAMES[2:]], ["-1", "-1", *WORDS[2:]], strict=True))
+    assert not any("spelling" in note for note in score(D, named).notes)
+
+
 def test_names_of_a_frame_are_read_like_those_of_labels():
     for index in (np.array(NAMES, dtype="S"), pd.Categorical(NAMES), np.array(NAMES, dtype=object)):
         frame = pd.DataFrame(D, index, NAMES)
