@@ -155,7 +155,8 @@ def _check_are_of_records(
     labelled = label_data_sets(records)
     unknown = [str(name) for name in data if not records_of(labelled, as_sets([name]))]
     if are_named(methods):
-        known = {name for record in records for name in (record.method, base_name(record.method))}
+        known = {record.method for record in records}
+        known |= set(map(base_name, known))
         unknown += [method for method in methods if method not in known]
     if unknown:
         problem = f"no record under {folder} is of {listed(unknown)}"

@@ -22,7 +22,7 @@ from learned.images import resampled
 from learned.methods import Learned, Streamed
 from learned.models import NetworkCard, average_body, load_model
 
-MEBIBYTES, ALL_MEBIBYTES = 20, 95
+MEBIBYTES, ALL_MEBIBYTES = 20, 150
 CARDS = {
     path.parent: read_card(path.parent, NetworkCard)
     for path in sorted(Learned.shipped_models.glob(f"*/*/{CARD}"))

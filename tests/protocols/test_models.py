@@ -53,7 +53,7 @@ def refused_on(training: str) -> set[str]:
     if training.startswith("people"):  # draws are not kept apart
         near = (
             ("people[draw=2]",)
-            if training == "people-fold-2"
+            if training.startswith(("people-fold-2", "people-strict-2"))
             else ("people[draw=1]", "people[draw=2]")
         )
         return {name for name in SETS if name.startswith(near)}
@@ -62,7 +62,7 @@ def refused_on(training: str) -> set[str]:
 
 def share_seen(training: str, name: str) -> float:
     """Share of the subjects of a set that the models of a training have seen."""
-    if training.startswith("people-fold"):
+    if training.startswith(("people-fold", "people-strict")):
         is_first_draw = name.startswith("people") and not re.match(r"people\[(draw=[12]|n=)", name)
         return 2 / 3 if is_first_draw else 0.0
     if training == "animals-III" and name.startswith("animals"):
