@@ -372,28 +372,36 @@ def galleries(
     """
     names = list(datasets)
     identifiers = list(tables)
-    if gallery or same_names or gallery_views:
-        has_gallery = bool(gallery or gallery_views)
-        if not has_gallery or not names or identifiers:
-            raise ConfigurationError(
-                "--gallery needs queries, and no table", "pass -d QUERIES --gallery FOLDER"
-            )
+    has_gallery = bool(gallery or gallery_views)
+    has_queries_alone = has_gallery and bool(names) and not identifiers
+    if (has_gallery or same_names) and not has_queries_alone:
+        raise ConfigurationError(
+            "--gallery needs queries, and no table", "pass -d QUERIES --gallery FOLDER"
+        )
+    if not names:
+        return _of_selection(_of_tables(identifiers, [], data_root, quick=quick), subjects, input)
 
     # Each data set is selected alone: one of which nothing fits is refused, also beside others.
     chosen: list[Gallery] = []
-    for sets in [[name] for name in names] or [[]]:
-        if gallery or gallery_views:
-            (name,) = sets
+    for name in names:
+        if has_gallery:
             table = _table_of_queries(name, gallery, gallery_views, same_names=same_names)
-            of_sets = list(_galleries(table, name, data_root, quick=quick))
+            of_name = list(_galleries(table, name, data_root, quick=quick))
         else:
-            of_sets = _of_tables(identifiers, sets, data_root, quick=quick)
-        if subjects:
-            of_sets = _of_subjects(of_sets, subjects)
-        if input is not None:
-            of_sets = _of_input(of_sets, input)
-        chosen += of_sets
+            of_name = _of_tables(identifiers, [name], data_root, quick=quick)
+        chosen += _of_selection(of_name, subjects, input)
     return chosen
+
+
+def _of_selection(
+    of_data: list[Gallery], subjects: Sequence[str], input: Input | None
+) -> list[Gallery]:
+    """Return the galleries of some subjects and of an input; without these, all of them."""
+    if subjects:
+        of_data = _of_subjects(of_data, subjects)
+    if input is not None:
+        of_data = _of_input(of_data, input)
+    return of_data
 
 
 def _table_of_queries(name: str, gallery: str, gallery_views: int, *, same_names: bool) -> Table:

@@ -322,13 +322,15 @@ def scores_frame(records: Iterable[Record]) -> DataFrame:
             # A table of queries in another gallery repeats no scores of shapes in their own one.
             if table.is_cross and not record.gallery_of_queries:
                 continue
-            scores += _scores_of_record(table.identifier, record)
-            versions += [record.gallery_digest] * (len(scores) - len(versions))
+            of_record = list(_scores_of_record(table.identifier, record))
+            scores += of_record
+            versions += [record.gallery_digest] * len(of_record)
             if table.has_paper:
                 with_paper.add((table.identifier, dataset))
     for numeral, dataset in sorted(with_paper):
-        scores += _scores_of_paper(numeral, dataset)
-    versions += [""] * (len(scores) - len(versions))
+        of_paper = list(_scores_of_paper(numeral, dataset))
+        scores += of_paper
+        versions += [""] * len(of_paper)
     frame = DataFrame(scores, columns=Score._fields).assign(version=versions)
     # A mean over lines that differ in the value alone: they are of several trainings of a network.
     *all_but_value, value = Score._fields
