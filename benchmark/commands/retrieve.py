@@ -5,9 +5,12 @@ from __future__ import annotations
 import shlex
 import time
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from benchmark.api.contracts import Input, Shape
 from benchmark.api.datasets import Entry, ShapeSet
@@ -28,9 +31,9 @@ from benchmark.datasets.mesh_files import read_surface
 from benchmark.datasets.official import SETS
 from benchmark.datasets.settings import with_settings
 from benchmark.defaults import DEFAULT_SCORER
-from benchmark.depth.frame import HALF_WIDTH, UPRIGHT, FrameFiles
-from benchmark.depth.reading import EXTENSIONS, is_depth_file
-from benchmark.errors import ConfigurationError, check_whole, with_hint
+from benchmark.depth.frame import HALF_WIDTH, IMAGE_UP, UPRIGHT, FrameFiles
+from benchmark.depth.reading import EXTENSIONS, is_depth_file, read_values, usual_scale
+from benchmark.errors import ConfigurationError, ShapeError, check_whole, with_hint
 from benchmark.geometry.camera import FRONT, Camera
 from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline.cache import Arrays, Cache
@@ -44,6 +47,7 @@ from benchmark.pipeline.views import prepare_view
 from benchmark.registry import Component, select_one
 from benchmark.report.forms import Drawn, StoredForms, drawn_form, drawn_from
 from benchmark.runs.planning import Planned
+from benchmark.text import listed
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -51,6 +55,12 @@ if TYPE_CHECKING:
 
 #: A query that is no shape of the gallery: the settings of its folder name others alone.
 _QUERY = Entry("", "", "")
+
+#: A doubt about a new depth image without a floor, in a gallery whose folder states a direction.
+_UP_OF_GALLERY = (
+    "the image shows no floor, so that its up direction is taken from dataset.toml of the gallery",
+    "if the camera was held in another way, take an image that shows the floor",
+)
 
 _IN_WORDS: dict[Input, str] = {"mesh": "complete surfaces", "view": "views"}
 
@@ -339,15 +349,29 @@ class _Prepared:
         return prepare_view(mesh, gallery.camera(_QUERY), self._half_width())
 
     def _of_depth_image(self, path: Path, *, of_gallery: bool) -> Arrays:
-        """Return a depth image; one of the gallery has the camera of its folder."""
-        folder = self.shapes.shapes.folder
+        """Return a depth image, in the frame of the gallery.
+
+        One of the gallery has the camera of its folder. A new one has a camera of its own, of which
+        the unit of depths is asked for if it may be that of the gallery or the usual one.
+        """
+        gallery = self.shapes.shapes
         settings: dict[str, Any] = {}
-        if of_gallery and folder:
-            settings = frame_settings(folder)
-        frame = self.camera.of(FrameFiles(path, **settings))
-        frame = replace(frame, half_width=self.shapes.shapes.half_width or HALF_WIDTH)
+        if gallery.folder and gallery.observe:
+            settings = frame_settings(gallery.folder)
+        if of_gallery:
+            frame = self.camera.of(FrameFiles(path, **settings))
+        else:
+            frame = self.camera.of(FrameFiles(path, up=settings.get("up")))
+            paths = [entry.path for entry in gallery.shapes if entry.path]
+            if gallery.observe:
+                _check_unit(frame, [FrameFiles(each, **settings) for each in paths])
+        frame = replace(frame, half_width=gallery.half_width or HALF_WIDTH)
         observed = frame.observe()
-        self.doubts.extend(with_hint(what, hint) for what, hint in observed.doubts)
+        doubts = list(observed.doubts)
+        is_level = frame.up is None or np.allclose(frame.up, IMAGE_UP)
+        if not of_gallery and observed.notes["up"] == "sidecar" and not is_level:
+            doubts.append(_UP_OF_GALLERY)
+        self.doubts.extend(with_hint(what, hint) for what, hint in doubts)
         return prepare_view(observed.surface, UPRIGHT, frame.half_width)
 
     def _half_width(self) -> float:
@@ -372,6 +396,36 @@ def _with_query(shapes: ShapeSet, mesh: Mesh) -> ShapeSet:
     official = SETS.get(shapes.name)
     camera = official.camera(_QUERY) if official else FRONT
     return with_settings(replace(shapes, load=lambda _: mesh, camera=lambda _: camera))
+
+
+def _check_unit(frame: FrameFiles, of_gallery: Iterable[FrameFiles]) -> None:
+    """Raise ``ConfigurationError`` if the unit of a new depth image has to be guessed.
+
+    It has to be if nothing states it, and the images of the gallery have another unit than it would
+    be assumed to have.
+
+    Parameters
+    ----------
+    frame
+        The new image.
+    of_gallery
+        Images of the gallery.
+    """
+    if frame.stated_scales:
+        return
+    scales: set[float] = set()
+    for each in of_gallery:
+        with suppress(ShapeError):  # an image that is refused says nothing
+            scales.update(each.stated_scales)
+    assumed = usual_scale(read_values(frame.image))
+    if not scales or assumed in scales:
+        return
+    units = listed([f"{scale:g}" for scale in sorted(scales)], " or ")
+    raise ConfigurationError(
+        f"the images of the gallery have {units} units per metre, and nothing states those of"
+        f" {frame.image}",
+        f"pass --depth-scale; without a statement, it would be {assumed:g}",
+    )
 
 
 def _is_file(entry: Entry, path: Path) -> bool:

@@ -671,6 +671,21 @@ class FrameFiles:
             return None
         return find_intrinsics(self.image)
 
+    @property
+    def stated_scales(self) -> tuple[float, ...]:
+        """Units per metre that the user or the file of the camera states; empty if neither does.
+
+        There are several if the number in the file may mean any of them.
+
+        Raises
+        ------
+        DepthError
+            If there are no intrinsics, or their file cannot be read.
+        """
+        if self.scale is not None:
+            return (self.scale,)
+        return self._camera().scales
+
     def observe(self) -> ObservedObject:
         """Read the image, its intrinsics and its mask, and return the object that it shows.
 

@@ -4,13 +4,17 @@ import shlex
 import shutil
 from types import SimpleNamespace
 
+import numpy as np
 import pandas.testing
 import pytest
 import trimesh
+from PIL import Image
 
 import benchmark
 from benchmark.errors import ConfigurationError, UnreadableMesh
 from benchmark.pipeline.record_files import read_records
+from tests.behaviour.suite import write_frames as write_ellipsoid_frames
+from tests.datasets.test_frames import write_frames
 from tests.runs.toy import without_processes
 from tests.toy import SMALL_SCORER, rod, write_rods
 from tests.verbs import call, refusal
@@ -88,6 +92,65 @@ def test_a_new_mesh_has_the_unit_and_the_camera_of_the_folder(tmp_path, settings
         matches = benchmark.retrieve(query, folder, "surface-area", input=input, results=results)
         assert matches.frame["name"][0] == "thick1"
         assert matches.frame["distance"][0] == pytest.approx(0, abs=1e-12)
+
+
+ORB_SLAM = (
+    "%YAML:1.0\nCamera.fx: 262.5\nCamera.fy: 262.5\nCamera.cx: 159.75\nCamera.cy: 119.75\n"
+    "DepthMapFactor: 5000.0\n"
+)
+
+
+@pytest.mark.parametrize(
+    ("file", "text"), [("dataset.toml", "depth_scale = 5000"), ("camera.yaml", ORB_SLAM)]
+)
+def test_a_new_frame_is_asked_for_its_unit_where_the_gallery_states_another(tmp_path, file, text):
+    folder = write_frames(tmp_path / "frames")
+    for image in folder.glob("*/?.png"):  # millimetres become fifths of them
+        Image.fromarray(5 * np.asarray(Image.open(image))).save(image)
+    shutil.copy(folder / "intrinsics.txt", tmp_path)
+    if file == "camera.yaml":
+        (folder / "intrinsics.txt").unlink()
+    (folder / file).write_text(text)
+    results = tmp_path / "results"
+    with without_processes():
+        call("run", "-d", folder, "-m", "surface-area", "--results", results, "-j", 0)
+    new = shutil.copy(folder / "one" / "0.png", tmp_path / "new.png")
+    shutil.copy(folder / "one" / "0_mask.png", tmp_path / "new_mask.png")
+    said = refusal("retrieve", "-d", folder, "-m", "surface-area", "--results", results, new)
+    assert "have 5000 units per metre, and nothing states those of" in said.replace("\n", " ")
+    matches = benchmark.retrieve(new, folder, "surface-area", results=results, depth_scale=5000)
+    assert matches.frame["name"][0] == "one/0"
+    assert matches.frame["distance"][0] == pytest.approx(0, abs=1e-12)
+
+
+def test_a_new_frame_of_millimetres_needs_no_unit_where_the_gallery_states_millimetres(tmp_path):
+    folder = write_frames(tmp_path / "frames")
+    (folder / "dataset.toml").write_text("depth_scale = 1000")
+    results = tmp_path / "results"
+    with without_processes():
+        call("run", "-d", folder, "-m", "surface-area", "--results", results, "-j", 0)
+    new = shutil.copy(folder / "two" / "1.png", tmp_path / "new.png")
+    shutil.copy(folder / "two" / "1_mask.png", tmp_path / "new_mask.png")
+    shutil.copy(folder / "intrinsics.txt", tmp_path)
+    matches = benchmark.retrieve(new, folder, "surface-area", results=results)
+    assert matches.frame["name"][0] == "two/1"
+    assert matches.frame["distance"][0] == pytest.approx(0, abs=1e-12)
+
+
+@pytest.mark.parametrize(("up", "notes"), [("[1, 0, 0]", 1), ("[0, -1, 0]", 0)])
+def test_a_new_frame_without_a_floor_has_the_up_direction_of_the_folder(tmp_path, up, notes):
+    folder = tmp_path / "frames"
+    write_ellipsoid_frames(folder)
+    (folder / "dataset.toml").write_text(f"up = {up}")
+    results = tmp_path / "results"
+    with without_processes():
+        call("run", "-d", folder, "-m", "surface-area", "--results", results, "-j", 0)
+    new = shutil.copy(folder / "stout1.npy", tmp_path / "new.npy")
+    shutil.copy(folder / "intrinsics.txt", tmp_path)
+    matches = benchmark.retrieve(new, folder, "surface-area", results=results)
+    assert matches.frame["name"][0] == "stout1"
+    assert matches.frame["distance"][0] == pytest.approx(0, abs=1e-12)
+    assert sum("shows no floor" in note for note in matches.notes) == notes
 
 
 def test_a_mesh_that_no_file_holds_is_found_beside_its_own_build(gallery):
