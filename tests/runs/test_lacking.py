@@ -89,3 +89,7 @@ def test_what_a_plugin_sets_in_the_environment_reaches_no_training(tmp_path, mon
     monkeypatch.setattr("subprocess.run", run)
     train_lacking([LackingModel("own", None, "people", {}, None)], tmp_path, None, print)
     assert passed["OF_USER"] == "of the user"
+
+
+def test_a_checkout_has_the_models_of_all_rows_of_generated_data(tmp_path):
+    assert lacking_models(tmp_path) == []
