@@ -55,7 +55,7 @@ def print_plan(selection: Selection, *, traceback: bool = False, every: bool = F
         _say_counts(planned.jobs)
     hint = "" if lists_each else "; --jobs lists each"
     say(f"{len(planned.pending)} of {len(planned.jobs)} jobs to run{hint}")
-    _say_time(planned.estimate)
+    _say_time(planned)
     _say_lacking(_lacking(selection, planned))
     if traceback:
         _say_tracebacks(planned.known_records())
@@ -74,13 +74,17 @@ def _say_refused(planned: Plan) -> None:
         say(f"refused: {name}: {error}", err=True)
 
 
-def _say_time(expected: Estimate) -> None:
+def _say_time(planned: Plan) -> None:
     """Print how long the jobs of a plan take at most, and how many cannot be estimated."""
+    expected = planned.estimate
     if expected.seconds:
         cores = available_cores()
         wall = _roughly(expected.seconds / cores)
         work = _roughly(expected.seconds)
-        say(f"at most about {wall} with {cores} processes ({work} of processor time)")
+        line = f"at most about {wall} with {cores} processes ({work} of processor time)"
+        if all(record.published for record in planned.records):
+            line += ", if this machine is as fast as that of the published records"
+        say(line)
     if expected.unknown:
         say(f"{expected.unknown} of them cannot be estimated: no job of their method has finished")
 
