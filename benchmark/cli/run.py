@@ -18,7 +18,7 @@ from benchmark.pipeline.records import Record
 from benchmark.protocols.tables import SYNTHETIC_HUMANS
 from benchmark.registry.names import base_name
 from benchmark.runs.lacking import LackingModel, train_lacking
-from benchmark.runs.planning import Estimate, Planned
+from benchmark.runs.planning import Planned
 from benchmark.text import brief, counted, listed, say, say_lines, say_table
 
 #: Jobs that ``plan`` prints one by one; of more, it prints the methods of each data set and input.

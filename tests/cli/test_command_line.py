@@ -16,6 +16,7 @@ from benchmark.commands.selection import shadowed_folders
 from benchmark.pipeline.record_files import write_record
 from benchmark.text import say
 from tests.report.records import record
+from tests.runs.toy import without_processes
 from tests.toy import PATIENCE, write_rods
 from tests.verbs import VERBS, call, refusal
 
@@ -313,3 +314,14 @@ def test_a_plan_names_the_draws_of_a_stand_in_together(tmp_path):
     (line,) = [line for line in said.splitlines() if "generated stand-in for" in line]
     draws = [f"people[draw={number}]" for number in range(3)]
     assert line.startswith(f"{', '.join(draws)}: generated stand-in for shrec14-synthetic")
+
+
+def test_the_time_of_a_plan_holds_on_the_machine_whose_records_it_uses(rods, tmp_path):
+    selected = ("-d", rods, "--input", "mesh", "--results", tmp_path)
+    condition = "if this machine is as fast as that of the published records"
+    assert condition in call("plan", *selected, "-m", "gps")
+    with without_processes():
+        call("run", *selected, "-m", "identity", "-j", 0)
+    said = call("plan", *selected, "-m", "gps")
+    assert "at most about" in said
+    assert condition not in said
