@@ -18,7 +18,7 @@ from benchmark.pipeline.records import Record
 from benchmark.protocols.tables import SYNTHETIC_HUMANS
 from benchmark.registry.names import base_name
 from benchmark.runs.lacking import LackingModel, train_lacking
-from benchmark.runs.planning import Planned
+from benchmark.runs.planning import Estimate, Planned
 from benchmark.text import brief, counted, listed, say, say_lines, say_table
 
 #: Jobs that ``plan`` prints one by one; of more, it prints the methods of each data set and input.
@@ -55,7 +55,7 @@ def print_plan(selection: Selection, *, traceback: bool = False, every: bool = F
         _say_counts(planned.jobs)
     hint = "" if lists_each else "; --jobs lists each"
     say(f"{len(planned.pending)} of {len(planned.jobs)} jobs to run{hint}")
-    _say_time(planned)
+    _say_time(planned.estimate)
     _say_lacking(_lacking(selection, planned))
     if traceback:
         _say_tracebacks(planned.known_records())
@@ -74,15 +74,14 @@ def _say_refused(planned: Plan) -> None:
         say(f"refused: {name}: {error}", err=True)
 
 
-def _say_time(planned: Plan) -> None:
+def _say_time(expected: Estimate) -> None:
     """Print how long the jobs of a plan take at most, and how many cannot be estimated."""
-    expected = planned.estimate
     if expected.seconds:
         cores = available_cores()
         wall = _roughly(expected.seconds / cores)
         work = _roughly(expected.seconds)
         line = f"at most about {wall} with {cores} processes ({work} of processor time)"
-        if all(record.published for record in planned.records):
+        if expected.uses_published:
             line += ", if this machine is as fast as that of the published records"
         say(line)
     if expected.unknown:

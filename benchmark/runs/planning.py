@@ -842,10 +842,13 @@ class Estimate(NamedTuple):
         Seconds on one core.
     unknown
         Number of jobs that are not in the seconds, as no job of their method has finished.
+    uses_published
+        Whether some of the seconds are those of the machine of published records.
     """
 
     seconds: float
     unknown: int
+    uses_published: bool = False
 
 
 def estimate(
@@ -868,7 +871,8 @@ def estimate(
     Returns
     -------
     Estimate
-        Seconds on one processor, and the number of jobs that nothing is known of.
+        Seconds on one processor, the number of jobs that nothing is known of, and whether published
+        records are used.
     """
     pending = [job.record for job in planned if job.is_pending]
     if not pending:
@@ -877,9 +881,12 @@ def estimate(
     unknown: set[str] = set()
     seconds_of_file: defaultdict[str, float] = defaultdict(float)  # several jobs may need a file
     seconds_of_ranking: dict[tuple[str, str], float] = {}
+    uses_published = False
     for job in pending:
         for side in job.sides:
-            seconds = _seconds_per_shape(job, side, finished)
+            similar = _similar_records(job, side, finished)
+            uses_published |= any(record.published for record in similar)
+            seconds = _seconds_per_shape(similar)
             if not seconds:
                 unknown.add(job.key)
             for key, seconds_of_making in _seconds_of_files(side, seconds):
@@ -888,7 +895,7 @@ def estimate(
             seconds_of_ranking[job.key, side.gallery] = seconds[STAGES["records"]] * n_views
 
     total = sum(seconds_of_file.values()) + sum(seconds_of_ranking.values())
-    return Estimate(total, len(unknown))
+    return Estimate(total, len(unknown), uses_published)
 
 
 def _timed_records(records: Iterable[Record], published: Path) -> list[Record]:
@@ -922,13 +929,13 @@ def _seconds_of_files(
             yield key, seconds_of_stage
 
 
-def _seconds_per_shape(
+def _similar_records(
     job: Record, side: RankedShapes, finished: Sequence[Record]
-) -> defaultdict[str, float]:
-    """Return how many seconds each stage of a job takes per shape, from similar jobs that ran.
+) -> Sequence[Record]:
+    """Return the records from which the seconds of a job are estimated; none if nothing is known.
 
-    They are those of the last job of the same method on the same gallery, or at least data set;
-    otherwise the median over all jobs of the method.
+    It is the last one of the same method on the same gallery, or at least data set; otherwise, they
+    are all of the method.
 
     Parameters
     ----------
@@ -938,11 +945,6 @@ def _seconds_per_shape(
         Its queries or its gallery.
     finished
         Records of jobs that ran, the latest ones last.
-
-    Returns
-    -------
-    defaultdict
-        Seconds by stage, 0 for one that was not timed; empty if nothing is known.
     """
     same_input = [record for record in finished if record.input == side.input]
     similar = [record for record in same_input if record.method == job.method]
@@ -952,9 +954,12 @@ def _seconds_per_shape(
     of_same_data = [record for record in similar if record.gallery == side.gallery]
     if not of_same_data:
         of_same_data = [record for record in similar if record.data.name == side.data.name]
+    return of_same_data[-1:] or similar
 
-    used = of_same_data[-1:] or similar
-    all_seconds = [record.seconds for record in used]
+
+def _seconds_per_shape(records: Iterable[Record]) -> defaultdict[str, float]:
+    """Return the median seconds of each stage per shape; 0 for one that was not timed."""
+    all_seconds = [record.seconds for record in records]
     median: defaultdict[str, float] = defaultdict(float)
     for stage in set[str]().union(*all_seconds):
         median[stage] = statistics.median(seconds.get(stage, 0.0) for seconds in all_seconds)

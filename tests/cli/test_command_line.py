@@ -322,6 +322,7 @@ def test_the_time_of_a_plan_holds_on_the_machine_whose_records_it_uses(rods, tmp
     assert condition in call("plan", *selected, "-m", "gps")
     with without_processes():
         call("run", *selected, "-m", "identity", "-j", 0)
-    said = call("plan", *selected, "-m", "gps")
+    assert condition in call("plan", *selected, "-m", "gps", "-m", "identity", "--seed", 1)
+    said = call("plan", *selected, "-m", "identity", "--seed", 1)
     assert "at most about" in said
     assert condition not in said
