@@ -22,7 +22,7 @@ from benchmark.commands.forms import (
 )
 from benchmark.commands.meshes import as_mesh
 from benchmark.datasets.folder import folder_set
-from benchmark.datasets.frames import frame_settings
+from benchmark.datasets.frames import frames_of
 from benchmark.datasets.mesh_files import READABLE, read_surface
 from benchmark.depth.frame import FrameFiles, ObservedObject
 from benchmark.depth.intrinsics import intrinsics_of
@@ -247,8 +247,7 @@ def _frames_under(source: Path, camera: CameraSettings) -> list[FrameFiles]:
         raise ConfigurationError(
             f"{source} holds meshes", "name one of them, or make all forms with 'run -d'"
         )
-    settings = frame_settings(source)
-    return [camera.of(FrameFiles(entry.path, **settings)) for entry in dataset.shapes if entry.path]
+    return [camera.of(frame) for frame in frames_of(dataset).values()]
 
 
 def forms_of_frames(

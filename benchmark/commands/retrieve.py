@@ -26,7 +26,7 @@ from benchmark.commands.selection import (
     further_options,
 )
 from benchmark.datasets.catalogue import open_dataset
-from benchmark.datasets.frames import frame_settings
+from benchmark.datasets.frames import frames_of
 from benchmark.datasets.mesh_files import read_surface
 from benchmark.datasets.official import SETS
 from benchmark.datasets.settings import with_settings
@@ -319,14 +319,14 @@ class _Prepared:
         Nothing is written, because this process runs the code of plugins.
         """
         if self.camera.is_given:
-            return self.of_file(path, of_gallery=True)
+            return self.of_file(path, entry)
         known = Cache(self.results).read("prepared", self.shapes.key(entry))
         return require_result(known or self.shapes.prepare(entry, self._half_width()))
 
-    def of_file(self, path: Path, *, of_gallery: bool = False) -> Arrays:
+    def of_file(self, path: Path, known: Entry | None = None) -> Arrays:
         """Return a mesh or depth image, in the frame of the gallery."""
         if path.suffix.lower() in EXTENSIONS:
-            return self._of_depth_image(path, of_gallery=of_gallery)
+            return self._of_depth_image(path, known)
         return self.of_mesh(read_surface(path))
 
     def of_mesh(self, mesh: Mesh) -> Arrays:
@@ -348,30 +348,26 @@ class _Prepared:
             return prepare_mesh(mesh)
         return prepare_view(mesh, gallery.camera(_QUERY), self._half_width())
 
-    def _of_depth_image(self, path: Path, *, of_gallery: bool) -> Arrays:
+    def _of_depth_image(self, path: Path, known: Entry | None) -> Arrays:
         """Return a depth image, in the frame of the gallery.
 
-        One of the gallery has the camera of its folder. A new one has a camera of its own, of which
-        the unit of depths is asked for if it may be that of the gallery or the usual one.
+        One of the gallery has the camera of its folder. A new one has a camera of its own, but the
+        up direction of the folder if it shows no floor.
         """
         gallery = self.shapes.shapes
-        settings: dict[str, Any] = {}
-        if gallery.folder and gallery.observe:
-            settings = frame_settings(gallery.folder)
-        if of_gallery:
-            frame = self.camera.of(FrameFiles(path, **settings))
+        frames = frames_of(gallery)
+        ups = {frame.up for frame in frames.values()}  # one at most: the folder states it for all
+        if known is not None:
+            frame = self.camera.of(replace(frames[known.identifier], image=path))
         else:
-            frame = self.camera.of(FrameFiles(path, up=settings.get("up")))
-            paths = [entry.path for entry in gallery.shapes if entry.path]
-            if gallery.observe:
-                _check_unit(frame, [FrameFiles(each, **settings) for each in paths])
+            frame = self.camera.of(FrameFiles(path, up=next(iter(ups), None)))
+            _check_unit(frame, frames.values())
         frame = replace(frame, half_width=gallery.half_width or HALF_WIDTH)
         observed = frame.observe()
-        doubts = list(observed.doubts)
-        is_level = frame.up is None or np.allclose(frame.up, IMAGE_UP)
-        if not of_gallery and observed.notes["up"] == "sidecar" and not is_level:
-            doubts.append(_UP_OF_GALLERY)
-        self.doubts.extend(with_hint(what, hint) for what, hint in doubts)
+        self.doubts.extend(with_hint(what, hint) for what, hint in observed.doubts)
+        differs = not np.allclose(frame.up or IMAGE_UP, IMAGE_UP)
+        if known is None and observed.notes["up"] == "sidecar" and differs:
+            self.doubts.append(with_hint(*_UP_OF_GALLERY))
         return prepare_view(observed.surface, UPRIGHT, frame.half_width)
 
     def _half_width(self) -> float:
@@ -398,7 +394,7 @@ def _with_query(shapes: ShapeSet, mesh: Mesh) -> ShapeSet:
     return with_settings(replace(shapes, load=lambda _: mesh, camera=lambda _: camera))
 
 
-def _check_unit(frame: FrameFiles, of_gallery: Iterable[FrameFiles]) -> None:
+def _check_unit(frame: FrameFiles, gallery: Iterable[FrameFiles]) -> None:
     """Raise ``ConfigurationError`` if the unit of a new depth image has to be guessed.
 
     It has to be if nothing states it, and the images of the gallery have another unit than it would
@@ -408,15 +404,15 @@ def _check_unit(frame: FrameFiles, of_gallery: Iterable[FrameFiles]) -> None:
     ----------
     frame
         The new image.
-    of_gallery
+    gallery
         Images of the gallery.
     """
     if frame.stated_scales:
         return
     scales: set[float] = set()
-    for each in of_gallery:
+    for image in gallery:
         with suppress(ShapeError):  # an image that is refused says nothing
-            scales.update(each.stated_scales)
+            scales.update(image.stated_scales)
     assumed = usual_scale(read_values(frame.image))
     if not scales or assumed in scales:
         return

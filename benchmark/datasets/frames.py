@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -52,9 +52,7 @@ def depth_frame_set(name: str, folder: Path, entries: tuple[Entry, ...]) -> Shap
     path = folder / SETTINGS_FILE
     values = read_settings(path, _KEYS, _WHERE)
     settings = _camera(values, path)
-    files = {
-        entry.identifier: FrameFiles(entry.path, **settings) for entry in entries if entry.path
-    }
+    files = _files_of_entries(entries, settings)
     _check_masks(files, folder)
     frames = _Frames(files, settings)
     return ShapeSet(
@@ -158,13 +156,23 @@ class _Frames:
         return [frame.image, *filter(None, beside)]
 
 
-def frame_settings(folder: Path) -> dict[str, Any]:
-    """Return the camera in a folder's ``dataset.toml`` as keywords of ``FrameFiles``.
+def frames_of(dataset: ShapeSet) -> dict[str, FrameFiles]:
+    """Return the depth image of each shape of a set by its identifier, with the folder's camera.
 
-    Errors are those of :func:`depth_frame_set`.
+    It is empty for a set of meshes. Errors are those of :func:`depth_frame_set`.
     """
-    path = folder / SETTINGS_FILE
-    return _camera(read_settings(path, _KEYS, _WHERE), path)
+    if dataset.observe is None or dataset.folder is None:
+        return {}
+    path = dataset.folder / SETTINGS_FILE
+    settings = _camera(read_settings(path, _KEYS, _WHERE), path)
+    return _files_of_entries(dataset.shapes, settings)
+
+
+def _files_of_entries(
+    entries: Iterable[Entry], settings: Mapping[str, Any]
+) -> dict[str, FrameFiles]:
+    """Return the depth image of each shape by its identifier, with the settings of its folder."""
+    return {entry.identifier: FrameFiles(entry.path, **settings) for entry in entries if entry.path}
 
 
 def _camera(values: Mapping[str, Any], path: Path) -> dict[str, Any]:
