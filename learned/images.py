@@ -214,36 +214,6 @@ class DepthScale(msgspec.Struct, frozen=True):
         return torch.cat([depths, prediction[-1:]])
 
 
-def undecided(mask: Tensor, decided: Tensor, tolerance: float) -> Tensor:
-    """Return the pixels of a mask, shape (k, 2), that may decide a pixel of its enlargement.
-
-    That pixel is near the threshold, and depends on up to four pixels of the mask. Of these, the
-    one in the first row and column is returned.
-
-    Parameters
-    ----------
-    mask
-        Shape (r, r).
-    decided
-        Pixels that are known precisely, shape (r, r). Four of them are left out.
-    tolerance
-        Largest distance from the threshold.
-    """
-    fine = _at_full_size(mask[None])[0]
-    near = ((fine - COVERED).abs() < tolerance).nonzero()
-    places = ((near + 0.5) * (len(mask) / SIZE) - 0.5).floor().clamp(min=0).long()
-    rows, columns = places.T
-    next_rows = (rows + 1).clamp(max=len(mask) - 1)
-    next_columns = (columns + 1).clamp(max=len(mask) - 1)
-    are_decided = (
-        decided[rows, columns]
-        & decided[rows, next_columns]
-        & decided[next_rows, columns]
-        & decided[next_rows, next_columns]
-    )
-    return places[~are_decided]
-
-
 def outline_blur(mask: Tensor) -> float:
     """Return the mean width in pixels of the uncertain rim of a predicted mask, shape (r, r).
 

@@ -9,7 +9,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, cast
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import msgspec
 import torch
@@ -25,8 +25,8 @@ from benchmark.files import write_atomically
 from benchmark.geometry.depth import DepthImage
 from learned.code_network import CODE_RESOLUTION, CodeNetwork, PeopleNetwork
 from learned.field_network import FieldNetwork
-from learned.images import DepthScale, checked_image, resampled, undecided
-from learned.paper_network import PaperNetwork, window_around
+from learned.images import DepthScale, checked_image, resampled
+from learned.paper_network import PaperNetwork
 
 if TYPE_CHECKING:
     from learned.training import History, Schedule
@@ -39,14 +39,6 @@ _TRAINING_ONLY = ("places.", "points.")
 #: Rows of a convolution that are computed together: their patches of a feature image fit into the
 #: cache.
 _ROWS = 8
-
-
-MASK_ROUNDING = 1e-7
-"""Bound of the error of a mask in single precision near its threshold, per pixel of a side.
-
-In views of people, scans and TOSCA, errors were at most 9e-6 at 128 pixels (the bound is 1.3e-5)
-and 3.5e-5 at 500 (5e-5).
-"""
 
 _Size = Annotated[int, msgspec.Meta(ge=1, le=4096)]
 
@@ -131,10 +123,8 @@ def load_model(folder: Path) -> tuple[nn.Module, NetworkCard]:
 
 
 @functools.lru_cache(maxsize=16)
-def _load(
-    folder: Path, configuration: Configuration, _digest: str, dtype: torch.dtype = torch.float64
-) -> nn.Module:
-    """Load the network in a folder, ready to predict.
+def _load(folder: Path, configuration: Configuration, _digest: str) -> nn.Module:
+    """Load the network in a folder, ready to predict in double precision.
 
     The result is cached by the arguments.
 
@@ -147,8 +137,6 @@ def _load(
     _digest
         Digest of the weights. It is used by the cache alone, so that another model in the same
         folder is loaded anew.
-    dtype
-        Precision in which the network computes.
 
     Raises
     ------
@@ -161,7 +149,7 @@ def _load(
         network = configuration.build()
     try:
         tensors = {
-            name: tensor.to(dtype)
+            name: tensor.double()
             for name, tensor in tensors_in(checked_weights(folder)).items()
             if not name.startswith(_TRAINING_ONLY)
         }
@@ -176,9 +164,8 @@ def _load(
         problem = f"the model in {folder} is damaged: some of its weights are not finite"
         raise ConfigurationError(problem, "train it again")
     network = network.to(memory_format=torch.channels_last)
-    # In double precision, convolutions of full size are computed in stripes, which saves memory.
     for module in network.modules():
-        if dtype == torch.float64 and isinstance(module, nn.Conv2d) and module.stride == (1, 1):
+        if isinstance(module, nn.Conv2d) and module.stride == (1, 1):
             module._conv_forward = functools.partial(_in_stripes, module)
     return network.eval()
 
@@ -200,9 +187,9 @@ def _in_stripes(module: nn.Conv2d, x: Tensor, weight: Tensor, bias: Tensor | Non
 def predict(folder: Path, image: DepthImage) -> Tensor:
     """Predict the depth of each side and the mask with the network in a folder.
 
-    Networks compute in double precision, so that the mask is the same on all processors. The
-    paper's network would take too long: it computes in single precision, and repeats windows in
-    double precision around pixels of the mask that rounding may decide.
+    Processors add in different orders. In double precision, that does not show in a form, which is
+    stored in single precision; a prediction in single precision would differ, and with it the
+    score.
 
     Parameters
     ----------
@@ -221,34 +208,12 @@ def predict(folder: Path, image: DepthImage) -> Tensor:
     InvalidMesh, UnsupportedShape
         See :func:`learned.images.checked_image`.
     """
-    card = read_card(folder, NetworkCard)
+    network, card = load_model(folder)
     resolution = card.schedule.resolution if card.schedule else CODE_RESOLUTION
     depth = resampled(checked_image(image), resolution, crop=card.configuration.crop)[:1]
     pixels = torch.from_numpy(depth)[None]
-
-    def computed(window: Tensor, dtype: torch.dtype) -> Tensor:
-        """Return the prediction for a window of the image, in a precision."""
-        network = _load(folder, card.configuration, card.digest, dtype)
-        converted = window.to(dtype=dtype, memory_format=torch.channels_last)
-        return cast(Tensor, network(converted)[0])
-
-    if card.configuration.architecture != "progressive":
-        return card.depth_scale.undo(computed(pixels, torch.float64))
-    prediction = computed(pixels, torch.float32).double()
-    is_decided = torch.zeros((resolution, resolution), dtype=torch.bool)
-    tolerance = MASK_ROUNDING * resolution
-    places = undecided(prediction[-1], is_decided, tolerance)
-    while len(places):
-        # For rows and columns: a window around the first undecided pixel, the part of it that its
-        # border does not change, and that part counted within the window.
-        row, column = places[0].tolist()
-        window_rows, rows, rows_within = window_around(row, resolution)
-        window_columns, columns, columns_within = window_around(column, resolution)
-        precise = computed(pixels[..., window_rows, window_columns], torch.float64)
-        prediction[..., rows, columns] = precise[..., rows_within, columns_within]
-        is_decided[rows, columns] = True
-        places = undecided(prediction[-1], is_decided, tolerance)
-    return card.depth_scale.undo(prediction)
+    pixels = pixels.to(dtype=torch.float64, memory_format=torch.channels_last)
+    return card.depth_scale.undo(network(pixels)[0])
 
 
 def average_body(folder: Path, resolution: int) -> Tensor:

@@ -36,39 +36,6 @@ at zero.
 """
 
 
-#: Pixels of the input around those of an output on which they depend, besides whole blocks that are
-#: pooled.
-_REACH = 80
-
-#: Pixels of a side that are pooled to one.
-_POOLED = 16
-
-
-def window_around(place: int, size: int) -> tuple[slice, slice, slice]:
-    """Return a window of an image in which a network predicts two pixels as in the whole image.
-
-    Pixels near the border of the window depend on what lies beyond it; those in its *part* do not.
-
-    Parameters
-    ----------
-    place
-        First of two neighbouring pixels along one side of the image that must be in the part.
-    size
-        Length of that side in pixels.
-
-    Returns
-    -------
-    window, part, within : slice
-        Along the side: the window; its part, in the image; and its part, in the window.
-    """
-    first = max(place - _REACH, 0) // _POOLED * _POOLED
-    last = min((place + 2 + _REACH + _POOLED - 1) // _POOLED * _POOLED, size)
-    # Nothing lies beyond the ends of the image.
-    start = first + _REACH if first else 0
-    stop = last - _REACH if last < size else size
-    return slice(first, last), slice(start, stop), slice(start - first, stop - first)
-
-
 def _block(before: int, after: int, dilation: int = 1) -> nn.Sequential:
     """Return a convolution that keeps the size of an image, and its activation."""
     convolution = nn.Conv2d(before, after, 3, padding=dilation, dilation=dilation)

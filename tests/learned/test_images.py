@@ -15,7 +15,6 @@ from learned.images import (
     enlarged,
     outline_blur,
     resampled,
-    undecided,
 )
 from learned.pairs import gather
 from tests.learned.toy import Image, ellipsoid, person
@@ -111,22 +110,6 @@ def test_an_object_that_is_too_thin_for_the_pixels_is_refused(crop: bool) -> Non
     for image, target in ((wire, person()), (person(), wire)):
         with pytest.raises(UnsupportedShape, match="^b: the object is too thin"):
             gather([pair("a", "a", person(), person()), pair("b", "b", image, target)], 2, 64)
-
-
-def test_a_pixel_is_decided_together_with_its_neighbours() -> None:
-    mask = torch.ones(4, 4, dtype=torch.float64)
-    mask[2, 2] = 0.0  # so that pixels around it cross the threshold on their way to it
-    nothing = torch.zeros(4, 4, dtype=torch.bool)
-    first_pixels = {(1, 1), (1, 2), (2, 1), (2, 2)}
-    assert {tuple(place) for place in undecided(mask, nothing, 0.01).tolist()} == first_pixels
-    decided = ~nothing
-    assert len(undecided(mask, decided, 0.01)) == 0
-    for row, column in ((1, 1), (1, 2), (2, 1)):
-        decided = ~nothing
-        decided[row, column] = False
-        left = {tuple(place) for place in undecided(mask, decided, 0.01).tolist()}
-        around = {(row - i, column - j) for i in (0, 1) for j in (0, 1)}
-        assert left == first_pixels & around
 
 
 def test_nan_in_a_pair_is_found_before_training() -> None:

@@ -102,18 +102,12 @@ def test_the_measures_on_a_card_are_those_of_the_weights_on_disk(trained: Path) 
     assert card["training_measures"] == pytest.approx(expected, rel=1e-5)
 
 
-def test_pixels_that_rounding_may_decide_are_predicted_in_double_precision(
-    trained: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_prediction_has_double_precision(trained: Path) -> None:
     depth = ellipsoid(0.5, 0.7)
     image = torch.from_numpy(resampled(depth, 32)[:1]).double()[None]
     with torch.no_grad():
         expected = load_model(trained)[0](image)[0]
-    for rounding, is_exact in ((1.0, True), (0.0, False)):
-        monkeypatch.setattr("learned.models.MASK_ROUNDING", rounding)
-        error = float((predict(trained, depth) - expected).abs().max())
-        assert error < 1e-5
-        assert (error < 1e-12) == is_exact
+    torch.testing.assert_close(predict(trained, depth), expected, rtol=0, atol=1e-12)
 
 
 def test_a_training_on_pairs_on_disk_ends_with_the_scale_of_its_targets(tmp_path: Path) -> None:

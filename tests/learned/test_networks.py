@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from learned.code_network import CodeNetwork
-from learned.paper_network import MASK_LOGIT, PaperNetwork, window_around
+from learned.paper_network import MASK_LOGIT, PaperNetwork
 
 
 def images(count: int, height: int, width: int) -> Tensor:
@@ -63,21 +63,3 @@ def test_a_pixel_of_the_output_sees_160_to_176_pixels_across(
         network(image)[0, 0, row, 128].backward()
         assert image.grad is not None
         assert (image.grad[0, 0] != 0).any(dim=1).sum() == across
-
-
-def test_a_window_determines_its_part(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(
-        "torch.nn.functional.max_pool2d", torch.nn.functional.avg_pool2d
-    )  # all pixels of a block count
-    network, image = PaperNetwork(2).double(), images(1, 420, 40).double()
-    for parameter in network.parameters():
-        parameter.data.abs_()  # no two paths cancel
-    with torch.inference_mode():
-        whole = network(image)[0]
-        for place in (0, 90, 203, 211, 339, 419):
-            window, part, within = window_around(place, 420)
-            assert part.start <= place < part.stop
-            assert part.stop > min(place + 1, 419)
-            found = network(image[:, :, window])[0]
-            torch.testing.assert_close(found[:, within], whole[:, part], rtol=1e-12, atol=0)
-        assert window_around(203, 420)[0] != slice(0, 420)
