@@ -90,10 +90,12 @@ golden: setup kernels
 processors: haswell generic checked
 
 haswell: setup kernels
-	OPENBLAS_CORETYPE=Haswell $(BIN)/python -m pytest -m golden tests/golden
+	OPENBLAS_CORETYPE=Haswell ATEN_CPU_CAPABILITY=avx2 ONEDNN_MAX_CPU_ISA=AVX2 \
+	    $(BIN)/python -m pytest -m golden tests/golden
 
 generic: setup
-	OPENBLAS_CORETYPE=Nehalem NUMBA_CPU_NAME=generic NUMBA_CACHE_DIR="$(CURDIR)/build/generic" \
+	OPENBLAS_CORETYPE=Nehalem ATEN_CPU_CAPABILITY=default ONEDNN_MAX_CPU_ISA=SSE41 \
+	    NUMBA_CPU_NAME=generic NUMBA_CACHE_DIR="$(CURDIR)/build/generic" \
 	    $(BIN)/python -m pytest -m golden tests/golden
 
 checked: setup

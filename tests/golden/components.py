@@ -15,8 +15,6 @@ from tests.golden import inputs, stages
 
 #: Differences between processors are below 1e-9 of the size of a form.
 FORMS = 1e-8
-#: Networks were trained, and their golden results computed, in single precision.
-NETWORKS = 1e-5
 #: Distances, and meshes of generators: sums of doubles without cancellation.
 DOUBLES = 1e-9
 #: Depth images in single precision, and the surfaces computed from them.
@@ -77,9 +75,8 @@ def components() -> Mapping[str, Component]:
 
 
 def _components() -> Iterator[tuple[str, Component]]:
-    for name, target in METHODS.items():
-        tolerance = NETWORKS if target.startswith("learned.") else FORMS
-        yield f"method/{name}", Component(partial(_of_method, name), tolerance)
+    for name in METHODS:
+        yield f"method/{name}", Component(partial(_of_method, name), FORMS)
     for name in SCORERS:
         yield f"scorer/{name}", Component(partial(_of_scorer, name))
     raw = {name: (name,) for name in RAW}
