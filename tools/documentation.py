@@ -1,8 +1,8 @@
 """Hooks of ``make docs``: pages outside ``docs/``, links and docstrings.
 
 mkdocs calls the functions that begin with ``on_``; griffe, which reads the docstrings, creates a
-:class:`Docstrings`. Pages use relative links as in the repository: a link to a file on the site
-leads there; any other link, for example to code, becomes plain text."""
+:class:`Docstrings`. Pages use relative links as in the repository. The files to which they
+lead are on the site, too."""
 
 from __future__ import annotations
 
@@ -45,8 +45,15 @@ PUBLISHED_TABLES = {
 #: The report of these tables.
 REPORT = "report/index.html"
 
-#: What links to it in the repository: the folder of the tables.
-REPORTED = "results/tables"
+#: The list of examples.
+LIST_OF_EXAMPLES = "examples/index.md"
+
+#: Pages of the site that stand for folders of the repository.
+PAGES_OF_FOLDERS = {
+    "results/tables": REPORT,
+    "examples": LIST_OF_EXAMPLES,
+    "learned/models": "repository/learned/models/README.md",
+}
 
 #: The page to play with.
 PLAY = "play.html"
@@ -139,7 +146,12 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
     config.nav = [
         *(config.nav or []),
         {"Published tables": tables},
-        {"Examples": [{Path(path).name: uri} for path, uri in EXAMPLES.items()]},
+        {
+            "Examples": [
+                LIST_OF_EXAMPLES,
+                *({Path(path).name: uri} for path, uri in EXAMPLES.items()),
+            ]
+        },
         {"Code": [{k: v} for k, v in packages.items()]},
     ]
     return config
@@ -153,6 +165,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     files.append(File.generated(config, PLAY, content=play_page_of_site()))
     for path, uri in EXAMPLES.items():
         files.append(File.generated(config, uri, content=_example_page(path)))
+    files.append(File.generated(config, LIST_OF_EXAMPLES, content=_list_of_examples()))
     for name in OF_REPORT:
         files.append(File.generated(config, f"images/{name}", content=fixed_file(name)))
     for name, content in report_files(
@@ -167,7 +180,29 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
         files.append(
             File.generated(config, f"api/{module}.md", content=f"# {module}\n\n::: {module}\n")
         )
+    for path in _linked_files(files):
+        if _uri(path) not in files.src_uris:
+            files.append(File.generated(config, _uri(path), abs_src_path=str(REPOSITORY / path)))
     return files
+
+
+def _linked_files(files: Files) -> set[str]:
+    """Return the files of the repository to which pages of the site link."""
+    linked = set()
+    for file in files.documentation_pages():
+        source = _source(file.src_uri)
+        page = REPOSITORY / source
+        if page.suffix == ".md" and page.is_file():
+            for link in LINK.finditer(page.read_text(encoding="utf-8")):
+                path = _path_of_link(source, link[3])
+                if not path.startswith("..") and (REPOSITORY / path).is_file():
+                    linked.add(path)
+    return linked
+
+
+def _path_of_link(source: str, target: str) -> str:
+    """Return the path in the repository to which a link of a file leads."""
+    return posixpath.normpath(posixpath.join(posixpath.dirname(source), target))
 
 
 def play_page_of_site() -> str:
@@ -195,6 +230,16 @@ def _example_page(path: str) -> str:
     return f"# {Path(path).name}\n\n```{language}\n{code}```\n"
 
 
+def _list_of_examples() -> str:
+    """Return the page that lists the examples, each with the first line of its description."""
+    lines = ["# Examples", ""]
+    for path, uri in EXAMPLES.items():
+        first, *_ = (REPOSITORY / path).read_text(encoding="utf-8").splitlines()
+        description = first.strip('"/% ').replace("``", "`")
+        lines.append(f"- [{Path(path).name}]({posixpath.basename(uri)}): {description}")
+    return "\n".join(lines) + "\n"
+
+
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
     """Convert the links of a page to addresses on the site."""
     address = page.file.src_uri
@@ -205,21 +250,18 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
         page.meta["hide"] = ["toc"]  # a wide table has the room
         return _page_of_table(view, address)
     source = _source(address)
-    known = files.src_uris
 
     def converted(link: re.Match[str]) -> str:
-        """Return a link to a page of the site; the text of a link to anything else."""
+        """Return a link with its address on the site; of a wrong one, mkdocs says so."""
         picture, text, target, anchor = link.groups(default="")
-        path = posixpath.normpath(posixpath.join(posixpath.dirname(source), target))
-        uri = REPORT if path == REPORTED else _uri(path)
-        if uri not in known:
-            return text
+        path = _path_of_link(source, target)
+        uri = PAGES_OF_FOLDERS.get(path) or _uri(path)
         return f"{picture}[{text}]({_relative(uri, address)}{anchor})"
 
     def converted_picture(picture: re.Match[str]) -> str:
         """Return the beginning of a picture in HTML with its address on the site."""
         start, target = picture.groups()
-        path = posixpath.normpath(posixpath.join(posixpath.dirname(source), target))
+        path = _path_of_link(source, target)
         return start + _relative(_uri(path), address)
 
     # Markdown leaves a <div> alone, and a <span> within its line.
