@@ -145,7 +145,7 @@ def _command(view: TableView, results: Path) -> str:
     if view.quick:
         words.append("--quick")
     words += view.scored_by.options
-    if results != RESULTS:
+    if results.absolute() != RESULTS.absolute():
         words += ["--results", str(results)]
     return shlex.join(words)
 

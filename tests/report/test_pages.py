@@ -250,6 +250,12 @@ def test_the_command_on_a_page_makes_the_forms_of_its_table(tmp_path, more, comm
     assert f"<code>python -m benchmark {command} --results {tmp_path}</code>" in page
 
 
+def test_the_command_on_a_page_does_not_name_the_default_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    page = pages(tmp_path / "results", record("gps", dataset="rods"))["index.html"]
+    assert "<code>python -m benchmark run -d rods</code>" in page
+
+
 def cells_of(text, title):
     row = re.search(rf'<th scope="row">{title}</th>(.*?)</tr>', text, re.DOTALL)[1]
     cells = re.findall(
