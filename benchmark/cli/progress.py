@@ -58,7 +58,7 @@ class Bar:
             expand=True,
             disable=not is_shown,
         )
-        self._task = self._bar.add_task("starting", total=None, counts=self._counts())
+        self._task = self._bar.add_task("| starting", total=None, counts=self._counts())
 
     def __enter__(self) -> Bar:
         """Show the bar."""
@@ -72,20 +72,22 @@ class Bar:
     def watch(self, state: State) -> None:
         """Show the state of a run: how many steps are done, and what is at work."""
         self._state = state
-        working = clean_text("; ".join(state.working)) or "starting"
+        working = clean_text("; ".join(state.working))
+        if not (working or state.done):
+            working = "starting"
         counts = self._counts()
         self._bar.update(
             self._task,
             completed=state.done,
             total=state.total or 1,
             counts=counts,
-            description=working,
+            description=working and f"| {working}",
         )
         # Without a terminal, print a line now and then.
         now = time.monotonic()
         if self._bar.disable and now - self._last_line >= SECONDS_BETWEEN_LINES:
             self._last_line = now
-            self._say(f"{counts}, {working}")
+            self._say(", ".join(filter(None, [counts, working])))
 
     def _counts(self) -> str:
         """Return how many steps and jobs are done, and the time left."""
@@ -107,11 +109,17 @@ class Bar:
         expected = self._expected or elapsed / share
         return (1 - share) * ((1 - share) * expected + elapsed)
 
-    def ended(self, line: str) -> None:
-        """Print the line of a finished job."""
+    def ended(self, job: str, outcome: str) -> None:
+        """Print a finished job and its outcome, on two lines if one is too narrow."""
         self._n_ended += 1
         self._bar.update(self._task, counts=self._counts())
-        self._say(line)  # above the bar
+        line = f"{job}  {outcome}"
+        is_too_long = len(line) > self._bar.console.width
+        if is_too_long and not self._bar.disable:
+            self._say(job.rstrip())
+            self._say(f"  {outcome}")
+        else:
+            self._say(line)  # above the bar
 
     def _say(self, line: str) -> None:
         """Print a line; a closed output does not end the run."""

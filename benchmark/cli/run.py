@@ -239,7 +239,7 @@ def _run(planned: Plan, size: int, dask: str, timeout: float) -> list[Record]:
     with bar:
         for record in finished:
             name = planned.names[record.key]
-            bar.ended(f"{record.status:<11}  {name:<{longest}}  {outcome(record)}")
+            bar.ended(f"{record.status:<11}  {name:<{longest}}", outcome(record))
             records.append(record)
     return records
 

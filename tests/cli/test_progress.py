@@ -15,6 +15,12 @@ WORKING = (
 )
 
 
+def lines_of(screen):
+    """What stood in each line of a terminal, without codes."""
+    shown = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", screen.getvalue()).replace("\r", "\n")
+    return [line.rstrip() for line in shown.split("\n")]
+
+
 @pytest.mark.parametrize("width", [80, 160])
 def test_a_narrow_terminal_cuts_what_runs_not_how_far_it_is(width):
     screen = io.StringIO()
@@ -23,14 +29,53 @@ def test_a_narrow_terminal_cuts_what_runs_not_how_far_it_is(width):
     ) as bar:
         for done in range(0, 161, 40):
             bar.watch(Progress(done, 160, WORKING))
-        bar.ended("ok           animals mesh gps  NN .98 FT .76 ST .90 DCG .93  (.12 s)")
-    shown = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", screen.getvalue()).replace("\r", "\n")
-    lines = [line.rstrip() for line in shown.split("\n") if "steps" in line]
+        bar.ended("ok           animals mesh gps", "NN .98 FT .76 ST .90 DCG .93  (.12 s)")
+    lines = [line for line in lines_of(screen) if "steps" in line]
     assert max(map(len, lines)) <= width
     assert "0/12 jobs, 0:01:30 left" in lines[0]
     assert "160/160 steps, 1/12 jobs" in lines[-1]
     assert "left" not in lines[-1]
-    assert any("mesh-unf" in line for line in lines)
+    assert "left | starting" in lines[0]
+    assert "jobs | mesh-unf" in lines[-1]
+
+
+def test_where_all_is_done_nothing_starts():
+    screen = io.StringIO()
+    with Bar(1, 0.0, Console(file=screen, force_terminal=True, width=80)) as bar:
+        bar.watch(Progress(160, 160))
+        bar.ended("ok           animals mesh gps", "NN .98")
+    last = [line for line in lines_of(screen) if "steps" in line][-1]
+    assert last.endswith("160/160 steps, 1/1 jobs")
+
+
+@pytest.mark.parametrize(
+    ("width", "lines"),
+    [
+        (
+            60,
+            [
+                "ok           people[draw=0] fold 0 (quick) mesh gps",
+                "  NN .76 FT .66 ST .88 DCG .83  (.01 s)",
+            ],
+        ),
+        (
+            120,
+            [
+                "ok           people[draw=0] fold 0 (quick) mesh gps   "
+                "NN .76 FT .66 ST .88 DCG .83  (.01 s)"
+            ],
+        ),
+    ],
+)
+def test_the_scores_of_a_job_are_never_broken(width, lines):
+    screen = io.StringIO()
+    with Bar(1, 0.0, Console(file=screen, force_terminal=True, width=width)) as bar:
+        bar.ended(
+            "ok           people[draw=0] fold 0 (quick) mesh gps ",
+            "NN .76 FT .66 ST .88 DCG .83  (.01 s)",
+        )
+    shown = lines_of(screen)
+    assert [line for line in shown if line and "steps" not in line] == lines
 
 
 @pytest.mark.parametrize(("expected", "left"), [(11.0, "0:00:39"), (0.0, "1:14:12")])
@@ -48,10 +93,10 @@ def test_without_a_terminal_a_line_now_and_then(monkeypatch, capsys):
     monkeypatch.setattr("benchmark.cli.progress.SECONDS_BETWEEN_LINES", 0.0)
     with Bar(2, 60.0) as bar:
         bar.watch(Progress(0, 10, ("gps, cat0",)))
-        bar.ended("ok           rods mesh gps")
+        bar.ended("ok           rods mesh gps", "NN .98")
     assert capsys.readouterr().err.splitlines() == [
         "0/10 steps, 0/2 jobs, 0:01:00 left, gps, cat0",
-        "ok           rods mesh gps",
+        "ok           rods mesh gps  NN .98",
     ]
 
 
