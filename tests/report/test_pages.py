@@ -457,16 +457,16 @@ def test_the_overview_names_rows_above_all_others_of_their_block_and_says_where_
         "Complete surfaces: GPS scores above all other canonical forms on rods (generated)."
         in found
     )
-    assert "None." not in found
+    assert "no method is shown to be better than all others of its block. To be" not in found
     none = pages(tmp_path / "none", *others)
-    assert "None." in Facts(none["index.html"]).text
+    assert "On these data, no method is shown to be better" in Facts(none["index.html"]).text
     quick = [
         replace(each, gallery=f"{each.gallery} (quick)", data=replace(each.data, quick=True))
         for each in (*first, *others)
     ]
     of_quick = pages(tmp_path / "quick", *quick)
     assert ".90" in Facts(of_quick["index.html"]).text
-    assert "None." in Facts(of_quick["index.html"]).text
+    assert "On these data, no method is shown to be better" in Facts(of_quick["index.html"]).text
 
 
 def test_refused_and_missed_queries_come_first_and_others_are_hidden(monkeypatch, tmp_path):
