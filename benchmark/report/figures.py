@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import chain
 from statistics import mode
@@ -65,6 +65,9 @@ _LETTERS_PER_INCH = 18
 
 #: Classes whose names stand in a map, at most: those with the most wrong matches.
 _NAMED_CLASSES = 15
+
+#: Quarters of its height by which the name of a class moves up, at most, to cover no point.
+_STEPS_OFF_POINTS = 8
 
 #: Measure of pages and figures that show one.
 MEASURE = "DCG"
@@ -239,8 +242,10 @@ def _draw_lines(place: Axes, centre: NDArray[np.float64], points: Points) -> Non
     place.add_collection(LineCollection([*lines], colors=GREY, lw=0.5, zorder=0))
 
 
-def _write_names(place: Axes, names: Iterable[_ClassName], points: Points) -> None:
+def _write_names(place: Axes, names: Sequence[_ClassName], points: Points) -> None:
     """Write the names of classes above their points, moved up where they would overlap.
+
+    A name moves up a little to cover no point, and as far as needed to overlap no other name.
 
     Parameters
     ----------
@@ -257,9 +262,16 @@ def _write_names(place: Axes, names: Iterable[_ClassName], points: Points) -> No
     for name in sorted(names, key=lambda name: name.top):
         half_width = len(name.text) * letter_width / 2
         x = name.middle
-        y = name.top + 0.6 * height  # just above the highest point of the class
-        while any(_overlaps(x, y, half_width, height, other) for other in taken):
-            y += height / 4
+        lowest = name.top + 0.6 * height  # just above the highest point of the class
+        heights = [lowest + step * height / 4 for step in range(8 * len(names) + 1)]
+        free = [
+            y
+            for y in heights
+            if not any(_overlaps(x, y, half_width, height, other) for other in taken)
+        ]
+        beside = points[np.abs(points[:, 0] - x) < half_width, 1]
+        clear = [y for y in free[:_STEPS_OFF_POINTS] if np.all(np.abs(beside - y) >= 0.75 * height)]
+        y = (clear or free or heights)[0]
         taken.append((x, y, half_width))
         place.annotate(
             name.text,

@@ -11,6 +11,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from msgspec.structs import replace
 from PIL import Image
 
@@ -24,7 +25,9 @@ from benchmark.report.drawing import shaded
 from benchmark.report.figures import (
     COLOURS,
     GREY,
+    _ClassName,
     _positions,
+    _write_names,
     class_means,
     first_records,
     forms_figure,
@@ -745,6 +748,19 @@ def test_a_map_of_classes_with_long_names_has_room_for_its_points(monkeypatch):
     (place,) = figure.axes
     width = place.get_window_extent().width / figure.dpi
     assert width > 0.8 * figure.get_size_inches()[0]
+
+
+def test_the_name_of_a_class_in_a_map_covers_no_point_that_has_room_beside_it():
+    # The last point, of the class "b", lies where the name of the class "a" would stand.
+    points = np.array([[0.0, 0.0], [2.0, 0.0], [0.0, 10.0], [1.1, 0.4]])
+    place = Figure().subplots()
+    _write_names(
+        place, [_ClassName("a", 1.0, 0.0, "red"), _ClassName("b", 0.5, 10, "blue")], points
+    )
+    height = 0.055 * 10
+    x, y = next(text.get_position() for text in place.texts if text.get_text() == "a")
+    assert x == 1.0
+    assert 0.6 * height < y - 0.4 < 2 * height
 
 
 def test_a_figure_of_forms_has_a_column_a_method_and_a_row_a_pose(results, tmp_path):
