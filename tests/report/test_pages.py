@@ -752,7 +752,7 @@ def test_a_map_of_classes_with_long_names_has_room_for_its_points(monkeypatch):
 
 def test_the_name_of_a_class_in_a_map_covers_no_point_that_has_room_beside_it():
     # The last point, of the class "b", lies where the name of the class "a" would stand.
-    points = np.array([[0.0, 0.0], [2.0, 0.0], [0.0, 10.0], [1.1, 0.4]])
+    points = np.array([[0.0, 0.0], [2.0, 0.0], [0.0, 10.0], [1.01, 0.4]])
     place = Figure().subplots()
     _write_names(
         place, [_ClassName("a", 1.0, 0.0, "red"), _ClassName("b", 0.5, 10, "blue")], points
