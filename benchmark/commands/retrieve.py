@@ -150,7 +150,7 @@ class RetrievedShapes:
         form_of_query = shape
         if self.found.form:
             form_of_query = drawn_form(self.found.form, shape)
-        title = f"query\n{Path(self.name).name}\n"
+        title = f"query\n{Path(self.name).name}"
         panels: list[tuple[str, Drawn | None]] = [(title, form_of_query)]
         for rank, hit in enumerate(self.found.hits[: self.count], 1):
             title = f"{rank}. {hit.shape}\n{hit.subject}\n{hit.distance:.4g}"

@@ -30,7 +30,7 @@ from benchmark.pipeline.record_arrays import read_distances
 from benchmark.pipeline.records import Record
 from benchmark.report.drawing import OBLIQUE, shaded
 from benchmark.report.forms import Drawn, StoredForms
-from benchmark.report.grids import DPI, ON_WHITE, TEXT_WIDTH, TITLE_SIZE, grid
+from benchmark.report.grids import DPI, LETTERS_PER_INCH, ON_WHITE, TEXT_WIDTH, TITLE_SIZE, grid
 from benchmark.report.notation import file_name
 from benchmark.report.rows import RowScores, TableRow
 from benchmark.report.table_view import TableView
@@ -59,9 +59,6 @@ _LETTER_WIDTH = 0.03
 #: Size in points of remarks below pictures, and their height in inches.
 _REMARK_SIZE = 6
 _REMARK_HEIGHT = 0.12
-
-#: Letters of the title of a picture to the inch.
-_LETTERS_PER_INCH = 18
 
 #: Classes whose names stand in a map, at most: those with the most wrong matches.
 _NAMED_CLASSES = 15
@@ -396,7 +393,7 @@ def _pictures(columns: Sequence[_Column], camera: Camera) -> Figure:
         frame = np.concatenate([surface.mesh.vertices for surface in column.drawn if surface])
         n_pixels = round(side * DPI)
         pictures = [_picture(surface, camera, n_pixels, frame) for surface in column.drawn]
-        title = fill(column.title, round(_LETTERS_PER_INCH * side))
+        title = fill(column.title, round(LETTERS_PER_INCH * side))
         panels.append((title, pictures))
     drawn = chain.from_iterable(column.drawn for column in columns)
     has_remarks = any(surface.is_mirrored for surface in drawn if surface)

@@ -22,6 +22,9 @@ DPI = 300
 #: Size in points of titles and names in figures.
 TITLE_SIZE = 7
 
+#: Letters of the title of a picture to the inch.
+LETTERS_PER_INCH = 18
+
 #: Distance of the lines of a title in units of its size, and the room around them in inches.
 _LINE_SPACING = 1.2
 _ROOM_OF_TITLES = 0.12

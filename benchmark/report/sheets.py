@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from textwrap import fill
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -15,7 +16,7 @@ from benchmark.geometry.depth import fit_half_width, render_depth
 from benchmark.geometry.mesh import Mesh
 from benchmark.report.drawing import OBLIQUE, shaded
 from benchmark.report.forms import Drawn, drawn_form, drawn_from
-from benchmark.report.grids import DPI, grid
+from benchmark.report.grids import DPI, LETTERS_PER_INCH, grid
 
 #: Colour of the object in a depth image.
 _OBJECT = np.array([0.95, 0.55, 0.2])
@@ -82,8 +83,16 @@ def mesh_picture(mesh: Mesh, form: Mesh) -> Figure:
 
 def retrieved_picture(panels: Sequence[tuple[str, Drawn | None]]) -> Figure:
     """Draw forms side by side, each below its lines of text; None is no picture."""
+    titles = [_wrapped(text) for text, _ in panels]
+    n_lines = max(title.count("\n") for title in titles)
     columns = []
-    for text, form in panels:
+    for title, (_, form) in zip(titles, panels, strict=True):
         picture = form and shaded(form.mesh, OBLIQUE, DPI, form.values)
-        columns.append((text, [picture]))
+        columns.append((title + "\n" * (n_lines - title.count("\n")), [picture]))
     return grid(columns)
+
+
+def _wrapped(text: str) -> str:
+    """Return lines of text that fit above a picture; a name is broken only if it has to be."""
+    lines = text.split("\n")
+    return "\n".join(fill(line, LETTERS_PER_INCH, break_on_hyphens=False) for line in lines)

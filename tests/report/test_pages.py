@@ -41,7 +41,7 @@ from benchmark.report.output import write_files
 from benchmark.report.page_builder import TEMPLATES, label_of_table
 from benchmark.report.pages import report_files
 from benchmark.report.query_pages import Match, kept_pose, nearest_matches
-from benchmark.report.sheets import frame_picture, mesh_picture
+from benchmark.report.sheets import frame_picture, mesh_picture, retrieved_picture
 from benchmark.report.tables import table_views
 from tests.report.records import by_class, failed, record
 from tests.report.test_formats import HOSTILE
@@ -834,6 +834,19 @@ def test_a_form_is_drawn_turned_as_its_shape_in_the_colours_of_its_parts():
     colours = picture.reshape(-1, 4)
     assert (colours[:, 2] > colours[:, 0] + 50).any()  # blue
     assert (colours[:, 0] > colours[:, 2] + 50).any()  # orange
+
+
+def test_names_of_any_length_fit_above_retrieved_forms():
+    name = "a-rather-long-class/standing-on-one-leg-and-waving"
+    figure = retrieved_picture([("query\nnew.off", None), (f"1. {name}\nwoman-3\n.12", None)])
+    figure.canvas.draw()
+    side, tops = figure.bbox.width / 2, []
+    for place in figure.axes:
+        title = place.title.get_window_extent()
+        assert title.width <= 1.05 * side  # letters are not equally wide
+        tops.append(title.y1)
+    assert max(tops) <= figure.bbox.height
+    assert tops[0] == pytest.approx(tops[1], abs=2)
 
 
 def test_the_object_in_a_depth_image_is_orange_and_its_surroundings_are_pale():
