@@ -106,7 +106,7 @@ def _interruption(words: Sequence[str]) -> str:
 
 def _refuse_usage(error: TyperException) -> NoReturn:
     """Print what is wrong with the words on one line, or the help where there are none."""
-    text = error.format_message()
+    text = error.format_message().replace(": Value error, ", ": ")  # as pydantic begins a reason
     if text.startswith("Usage: "):
         with suppress(OSError):
             print(text, file=sys.stderr)  # noqa: T201

@@ -229,7 +229,7 @@ def require_known(name: str) -> None:
         return
     folders = [path.name for path in Path().glob("[!.]*") if path.is_dir()]
     similar = difflib.get_close_matches(base, folders, 1)
-    raise did_you_mean("data set", base, [*CATALOGUE, *similar])
+    raise did_you_mean("data set or folder", base, [*CATALOGUE, *similar])
 
 
 def table_name(source: str) -> str:
