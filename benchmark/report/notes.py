@@ -95,7 +95,16 @@ def _note_on_marks(view: TableView) -> str:
     fewest = min(number for number in numbers if number >= FEWEST_CLASSES)
     if fewest <= _FEW_CLASSES:
         reservation += FEW.format(fewest)
-    return reservation + MARKS
+    hidden = listed(_hidden_rivals(view))
+    of_hidden = f" These marks count rows that are not printed, too: {hidden}." if hidden else ""
+    return reservation + MARKS + of_hidden
+
+
+def _hidden_rivals(view: TableView) -> list[str]:
+    """Name the rows that are tested, and are not printed because only others were selected."""
+    printed = {row.method for row in view.printed_rows}
+    tested = {method for rivals in view.tests.values() for method in rivals.rivals}
+    return [row.title for row in view.rows if row.method in tested - printed]
 
 
 def _columns_without_networks(view: TableView) -> set[str]:

@@ -374,6 +374,10 @@ def test_marks_do_not_change_with_the_methods_that_are_shown():
     few = view(*rows, methods=["far"])
     assert [row.method for row in few.printed_rows] == ["far"]
     assert few.marks == view(*rows).marks != {}
+    hidden = "These marks count rows that are not printed, too: "
+    titles = [row.title for row in few.rows if row.method != "far"]
+    assert table_notes(few)[0].endswith(f"{hidden}{', '.join(titles)}.")
+    assert hidden not in table_notes(view(*rows))[0]
 
 
 def test_rows_on_another_version_of_the_data_are_left_out_and_named():
