@@ -120,6 +120,7 @@ URIS = {"README.md": "index.md", "docs/README.md": "contents.md", **EXAMPLES}
 
 LINK = re.compile(r"(!?)\[([^\]]*)\]\((?![a-z]+:|#)([^)#\s]+)(#[^)\s]*)?\)")
 PICTURE = re.compile(r'((?:src|srcset)=")([^"]+)')
+SHORT_CODE = re.compile(r"<code>([^<\n]{1,24})</code>")
 INLINE_MATH = re.compile(r"\$`([^`]+)`\$")
 MATH = re.compile(r"^```math\n(.*?)^```", re.MULTILINE | re.DOTALL)
 ROLE = re.compile(r":(?:attr|class|data|func|meth|mod):`~?([\w.]+)`")
@@ -272,6 +273,11 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
         lambda found: f"<span>{_formula(found[1], 'inline')}</span>", markdown
     )
     return PICTURE.sub(converted_picture, LINK.sub(converted, markdown))
+
+
+def on_page_content(html: str, **_: Any) -> str:
+    """Keep words of code in one line, such as options, which browsers break at hyphens."""
+    return SHORT_CODE.sub(r'<code class="short">\1</code>', html)
 
 
 def _page_of_table(view: TableView, address: str) -> str:
