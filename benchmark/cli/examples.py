@@ -15,7 +15,7 @@ EXAMPLES = {
     "retrieve": "retrieve -m gps -d FOLDER new.off -k 3",
     "score": "score distances.csv --labels labels.txt",
     "check": "check my_method.py",
-    "train": "train learned --data FOLDER --hold-out anna,ben -o resolution=128",
+    "train": "train learned --data DIR --hold-out anna -o resolution=128",
     "merge": "merge RESULTS-OF-A-COLLEAGUE",
     "forget": "forget -m gps -d FOLDER",
     "demo": "demo cat.off",
