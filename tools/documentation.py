@@ -121,6 +121,7 @@ URIS = {"README.md": "index.md", "docs/README.md": "contents.md", **EXAMPLES}
 LINK = re.compile(r"(!?)\[([^\]]*)\]\((?![a-z]+:|#)([^)#\s]+)(#[^)\s]*)?\)")
 PICTURE = re.compile(r'((?:src|srcset)=")([^"]+)')
 SHORT_CODE = re.compile(r"<code>([^<\n]{1,24})</code>")
+THOUSANDS = re.compile(r"(?<=\d) (?=\d{3}\b)")
 INLINE_MATH = re.compile(r"\$`([^`]+)`\$")
 MATH = re.compile(r"^```math\n(.*?)^```", re.MULTILINE | re.DOTALL)
 ROLE = re.compile(r":(?:attr|class|data|func|meth|mod):`~?([\w.]+)`")
@@ -131,7 +132,7 @@ DISPLAYED = re.compile(r"^\.\. math::[ ]*(.*(?:\n[ ]+\S.*)*)", re.MULTILINE)
 def on_config(config: MkDocsConfig) -> MkDocsConfig:
     """Add the published tables and the reference of the code to the menu."""
     tables = [
-        {f"{view.table.identifier}: {data_label(view)}": _uri(path)}
+        {_unbroken(f"{view.table.identifier}: {data_label(view)}"): _uri(path)}
         for path, view in PUBLISHED_TABLES.items()
     ]
     tables += [
@@ -283,7 +284,12 @@ def on_page_content(html: str, **_: Any) -> str:
 def _page_of_table(view: TableView, address: str) -> str:
     """Return the page of a published table."""
     lead = f"[Classes, maps and queries]({_relative(REPORT, address)})"
-    return f"# {heading_of_table(view)}\n\n{lead}\n\n{table_html(view)}"
+    return f"# {_unbroken(heading_of_table(view))}\n\n{lead}\n\n{table_html(view)}"
+
+
+def _unbroken(title: str) -> str:
+    """Return a title in which no number of thousands is broken at its blank."""
+    return THOUSANDS.sub("\N{NO-BREAK SPACE}", title)
 
 
 def _relative(uri: str, address: str) -> str:
