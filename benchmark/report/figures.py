@@ -30,7 +30,15 @@ from benchmark.pipeline.record_arrays import read_distances
 from benchmark.pipeline.records import Record
 from benchmark.report.drawing import OBLIQUE, shaded
 from benchmark.report.forms import Drawn, StoredForms
-from benchmark.report.grids import DPI, LETTERS_PER_INCH, ON_WHITE, TEXT_WIDTH, TITLE_SIZE, grid
+from benchmark.report.grids import (
+    DPI,
+    LETTERS_PER_INCH,
+    ON_WHITE,
+    TEXT_WIDTH,
+    TITLE_SIZE,
+    grid,
+    usual_style,
+)
 from benchmark.report.notation import file_name
 from benchmark.report.rows import RowScores, TableRow
 from benchmark.report.table_view import TableView
@@ -130,6 +138,7 @@ def class_means(view: TableView) -> DataFrame:
 # ------------------------------------------------------------------------------------------------
 
 
+@usual_style()
 def map_figure(view: TableView, forms: StoredForms, page: str = "") -> Figure:
     """Draw a map of the shapes for each method: the nearer two points, the more alike their forms.
 
@@ -324,6 +333,7 @@ def forms_figure(view: TableView, forms: StoredForms, shapes: Sequence[str] = ()
     return figure_of_records(records, forms, shapes)
 
 
+@usual_style()
 def figure_of_records(
     records: Mapping[str, Record], forms: StoredForms, shapes: Sequence[str] = ()
 ) -> Figure:

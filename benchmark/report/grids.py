@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
+import matplotlib.style
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -46,6 +48,17 @@ _UNDATED: dict[str, dict[str, str | None]] = {
 }
 
 
+@contextmanager
+def usual_style() -> Iterator[None]:
+    """Draw with the settings that matplotlib comes with.
+
+    Those of a user, as in a file ``matplotlibrc``, must not change a figure.
+    """
+    with mpl.style.context({}, after_reset=True):
+        yield
+
+
+@usual_style()
 def grid(
     columns: Sequence[tuple[str, Sequence[Any]]],
     side: float = 1.0,
@@ -100,6 +113,7 @@ def write_figure(figure: Figure, path: Path) -> None:
     write_atomically(path, lambda file: file.write(content))
 
 
+@usual_style()
 def figure_bytes(figure: Figure, ending: str) -> bytes:
     """Return a figure as PDF, PNG or SVG, without dates; publishers take the fonts (Type 42)."""
     file = io.BytesIO()

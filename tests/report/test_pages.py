@@ -9,6 +9,7 @@ from html.parser import HTMLParser
 from pathlib import Path
 from types import SimpleNamespace
 
+import matplotlib as mpl
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
@@ -662,6 +663,28 @@ def test_figures_have_fonts_that_publishers_take(results, tmp_path):
     few = table_views(results.records, methods=["surface-area"])[0]
     with pytest.raises(ConfigurationError, match="no selected row of table rods has forms"):
         forms_figure(few, forms)
+
+
+def test_figures_do_not_depend_on_settings_of_matplotlib(results):
+    view, forms = table_views(results.records)[0], StoredForms(results.folder)
+
+    def drawn():
+        figures = [map_figure(view, forms), forms_figure(view, forms), grid([("a", [np.eye(2)])])]
+        return [figure_bytes(figure, ".svg") for figure in figures]
+
+    usual = drawn()
+    settings = {
+        "font.size": 30,
+        "font.family": "serif",
+        "lines.linewidth": 9,
+        "image.interpolation": "bilinear",
+        "savefig.facecolor": "red",
+        "svg.fonttype": "none",
+        "text.color": "red",
+    }
+    with mpl.rc_context(settings):
+        assert drawn() == usual
+        assert mpl.rcParams["font.size"] == settings["font.size"]
 
 
 def test_colours_in_which_names_are_written_have_a_contrast_of_four_and_a_half_with_white():
