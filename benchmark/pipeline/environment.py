@@ -11,7 +11,7 @@ from importlib.metadata import PackageNotFoundError, version
 from benchmark.code_digest import FIRST_PARTY, ROOT
 
 #: Packages that move results.
-PACKAGES = ("numpy", "scipy", "numba", "libigl", "pymeshlab", "torch", "anny")
+PACKAGES = ("numpy", "scipy", "scikit-learn", "numba", "libigl", "pymeshlab", "torch", "anny")
 
 
 @cache

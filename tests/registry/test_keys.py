@@ -14,6 +14,7 @@ from benchmark.commands.plan import plan
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.datasets.mesh_files import FORMATS, mesh_file_set
 from benchmark.errors import ConfigurationError
+from benchmark.pipeline.environment import PACKAGES
 from benchmark.pipeline.prepared import PreparedShapes
 from benchmark.registry import select, select_one
 from benchmark.runs.tasks import STAGE_MODULES
@@ -130,6 +131,13 @@ def test_a_form_holds_its_method_and_what_hands_it_the_shape():
         allowed = NETWORK if own == "learned.methods" else FORM | KERNELS | BASES
         code = of_suite(component.code() | of_stage)
         assert code <= allowed | {own.replace(".", "/") + ".py"}, component.name
+
+
+def test_a_record_names_each_package_that_computes():
+    only_read_or_write = {"msgspec", "pandas", "safetensors"}
+    for component in components():
+        packages = {name for name in component.code() if "/" not in name}
+        assert packages - only_read_or_write <= {*PACKAGES}, component.name
 
 
 def test_no_module_is_allowed_in_forms_that_is_in_none():
