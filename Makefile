@@ -94,7 +94,7 @@ haswell: setup kernels
 	    $(BIN)/python -m pytest -m golden tests/golden
 
 generic: setup
-	OPENBLAS_CORETYPE=Nehalem ATEN_CPU_CAPABILITY=default ONEDNN_MAX_CPU_ISA=SSE41 \
+	OPENBLAS_CORETYPE=Nehalem ATEN_CPU_CAPABILITY=default ONEDNN_MAX_CPU_ISA=SSE41 MKL_CBWR=COMPATIBLE \
 	    NUMBA_CPU_NAME=generic NUMBA_CACHE_DIR="$(CURDIR)/build/generic" \
 	    $(BIN)/python -m pytest -m golden tests/golden
 
