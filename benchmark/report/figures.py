@@ -71,8 +71,8 @@ _REMARK_HEIGHT = 0.12
 #: Classes whose names stand in a map, at most: those with the most wrong matches.
 _NAMED_CLASSES = 15
 
-#: Quarters of its height by which the name of a class moves up, at most, to cover no point.
-_STEPS_OFF_POINTS = 8
+#: Heights, a quarter of a letter apart, that are tried so that the name of a class covers no point.
+_TRIED_HEIGHTS = 8
 
 #: Measure of pages and figures that show one.
 MEASURE = "DCG"
@@ -269,15 +269,10 @@ def _write_names(place: Axes, names: Sequence[_ClassName], points: Points) -> No
         half_width = len(name.text) * letter_width / 2
         x = name.middle
         lowest = name.top + 0.6 * height  # just above the highest point of the class
-        heights = [lowest + step * height / 4 for step in range(8 * len(names) + 1)]
-        free = [
-            y
-            for y in heights
-            if not any(_overlaps(x, y, half_width, height, other) for other in taken)
-        ]
+        heights = _free_heights(x, lowest, half_width, height, taken)
         beside = points[np.abs(points[:, 0] - x) < half_width, 1]
-        clear = [y for y in free[:_STEPS_OFF_POINTS] if np.all(np.abs(beside - y) >= 0.75 * height)]
-        y = (clear or free or heights)[0]
+        clear = [y for y in heights if np.all(np.abs(beside - y) >= 0.75 * height)]
+        y = (clear or heights)[0]
         taken.append((x, y, half_width))
         place.annotate(
             name.text,
@@ -290,6 +285,33 @@ def _write_names(place: Axes, names: Sequence[_ClassName], points: Points) -> No
             weight="bold",
             path_effects=[withStroke(linewidth=2, foreground="white")],
         )
+
+
+def _free_heights(
+    x: float,
+    lowest: float,
+    half_width: float,
+    height: float,
+    taken: Sequence[tuple[float, float, float]],
+) -> list[float]:
+    """Return the lowest heights at which a name overlaps no other one.
+
+    Parameters
+    ----------
+    x, lowest
+        Middle of the name, and the first height to try.
+    half_width, height
+        Half the width of the name, and its height.
+    taken
+        Middle, height and half width of each other name.
+    """
+    free: list[float] = []
+    y = lowest
+    while len(free) < _TRIED_HEIGHTS:
+        if not any(_overlaps(x, y, half_width, height, other) for other in taken):
+            free.append(y)
+        y += height / 4
+    return free
 
 
 def _overlaps(

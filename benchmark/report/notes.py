@@ -103,7 +103,9 @@ def _note_on_marks(view: TableView) -> str:
 def _hidden_rivals(view: TableView) -> list[str]:
     """Name the rows that are tested, and are not printed because only others were selected."""
     printed = {row.method for row in view.printed_rows}
-    tested = {method for rivals in view.tests.values() for method in rivals.rivals}
+    tested = set[str]()
+    for rivals in view.tests.values():
+        tested |= rivals.rivals.keys()
     return [row.title for row in view.rows if row.method in tested - printed]
 
 
