@@ -168,8 +168,8 @@ VIEWS = (
 
 #: Networks that see one depth view, as the page on networks calls them, each with its rows.
 NETWORKS = {
-    "`learned`, 500 pixels, trained on people": ("learned[configuration=as_printed]",),
-    "`learned`, 500 pixels, trained on animals": (
+    "`learned`, 500 pixels": ("learned[configuration=as_printed]",),
+    "`learned`, 500 pixels, trained on generated animals": (
         "learned[configuration=as_printed,training=animals-III]",
     ),
     "`learned`, 128 pixels": ("learned",),
