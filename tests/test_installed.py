@@ -20,6 +20,7 @@ from PIL import Image
 
 from benchmark.check.shapes import BENDS, figure
 from benchmark.kernel_cache import compiled_kernels, suite_sources
+from tests.pages.blocks import blocks_of, commands_of
 from tests.toy import rod, write_off
 
 pytestmark = pytest.mark.slow
@@ -139,11 +140,10 @@ def folder(tmp_path: Path) -> Path:
 def commands() -> list[str]:
     """Return the commands of README that a reader of the wheel can run, with his own places."""
     found = []
-    for block in re.findall(r"^```sh\n(.*?)^```", README, re.DOTALL | re.MULTILINE):
-        for line in block.replace("\\\n", " ").splitlines():
-            command = re.sub(r"\s+#.*", "", line).strip()
-            if command and not command.startswith("#") and not ELSEWHERE.match(command):
-                found.append(f"{command} --quick" if FOR_A_TRY.match(command) else command)
+    for line in commands_of(README):
+        command = re.sub(r"\s+#.*", "", line).strip()
+        if command and not ELSEWHERE.match(command):
+            found.append(f"{command} --quick" if FOR_A_TRY.match(command) else command)
     text = "\n".join(found)
     for word, place in PLACES.items():
         text = re.sub(rf"(?<![\w-]){word}(?!\w)", place, text)
@@ -152,8 +152,7 @@ def commands() -> list[str]:
 
 def write_methods(folder: Path, text: str) -> None:
     """Write the methods that README shows into the files by which its commands call them."""
-    shown = re.findall(r"^```python\n(.*?)^```", README, re.DOTALL | re.MULTILINE)
-    methods = [code for code in shown if "MethodInfo(" in code]
+    methods = [code for code in blocks_of(README, "python") if "MethodInfo(" in code]
     named = re.findall(r"(?<![/\w])(\w+\.py)\b", text)
     files = [name for name in dict.fromkeys(named) if not (folder / name).exists()]
     for file, code in zip(files, methods, strict=True):

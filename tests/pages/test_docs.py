@@ -145,7 +145,7 @@ def test_the_page_on_training_names_each_option_and_no_other() -> None:
 @pytest.mark.parametrize("page", PAGES, ids=name)
 def test_every_make_target_and_verb_exists(page: Path) -> None:
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
-    targets = re.findall(r"(?:^    |`)make ([\w-]+)", TEXTS[page], re.MULTILINE)
+    targets = re.findall(r"(?:^ *|`)make ([\w-]+)", TEXTS[page], re.MULTILINE)
     assert [
         target for target in targets if not re.search(rf"^{target}:", makefile, re.MULTILINE)
     ] == []

@@ -21,6 +21,7 @@ from benchmark.report.notation import hundredths
 from benchmark.report.notes import table_notes
 from benchmark.report.tables import table_views
 from benchmark.report.verdicts import classical_scores, is_near
+from tests.pages.blocks import blocks_of
 from tests.pages.test_claims import PAGE as PAGE_OF_CLAIMS
 from tests.pages.test_docs import PAGES
 from tests.verbs import call
@@ -381,11 +382,7 @@ def test_committed_tables_are_those_of_the_published_records(tmp_path):
 
 
 def test_the_plugin_of_the_readme_keeps_the_contract(tmp_path):
-    (block,) = (
-        text
-        for text in re.findall(r"```python\n(.*?)```", README, re.DOTALL)
-        if "BiharmonicMDS" in text
-    )
+    (block,) = (text for text in blocks_of(README, "python") if "BiharmonicMDS" in text)
     path = tmp_path / "biharmonic.py"
     path.write_text(block, encoding="utf-8")
     (component,) = components_named(str(path))

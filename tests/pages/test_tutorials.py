@@ -16,6 +16,7 @@ from PIL import Image
 from benchmark.check import check
 from benchmark.datasets.mesh_files import read_mesh
 from benchmark.registry import components_named
+from tests.pages.blocks import blocks_of
 from tests.pages.test_docs import ROOT, TEXTS
 from tests.toy import rod
 from tests.verbs import call
@@ -26,7 +27,7 @@ KNEELING = ROOT / "examples" / "depth" / "man-1" / "kneeling.png"
 
 def files_of(page):
     """Return the code blocks of a page by the name in their first line, or by their number."""
-    blocks = re.findall(r"```python\n(.*?)```", TEXTS[page], re.DOTALL)
+    blocks = blocks_of(TEXTS[page], "python")
     names = [re.match(r"# (\w+\.py)\n", block) for block in blocks]
     return {
         name[1] if name else str(number): block

@@ -4,13 +4,13 @@ pages show.
 
 from __future__ import annotations
 
-import re
 import shlex
 import shutil
 from pathlib import Path
 
 import pytest
 
+from tests.pages.blocks import blocks_of, commands_of
 from tests.toy import rod, write_off, write_rods
 from tests.verbs import call
 
@@ -22,18 +22,19 @@ pytestmark = pytest.mark.usefixtures("in_this_process")
 
 
 def walked(folder: Path, page: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Run the commands of a page in a folder, and look for what its other indented lines show."""
+    """Run the commands of a page in a folder, and look for what its blocks of text show."""
     monkeypatch.chdir(folder)
     monkeypatch.setenv("CANONICAL_FORMS_DATA", str(folder / "data"))
     text = (DOCS / f"{page}.md").read_text(encoding="utf-8")
-    without_files = re.sub(r"^```.*?^```", "", text, flags=re.MULTILINE | re.DOTALL)
-    blocks = re.findall(r"^    (.*)$", without_files, re.MULTILINE)
-    commands = [line for line in blocks if line.startswith(PROGRAM)]
-    # "..." stands for lines that the page leaves out.
-    shown = [" ".join(line.split()) for line in blocks if line not in [*commands, "..."]]
+    commands = [line for line in commands_of(text) if line.startswith(PROGRAM)]
+    assert commands
     printed = [call(*shlex.split(line.removeprefix(PROGRAM), comments=True)) for line in commands]
     said = " ".join(" ".join(printed).split())
-    assert [line for line in shown if line not in said] == []
+    shown = [
+        " ".join(line.split()) for block in blocks_of(text, "text") for line in block.splitlines()
+    ]
+    # "..." stands for lines that the page leaves out.
+    assert [line for line in shown if line != "..." and line not in said] == []
 
 
 @pytest.fixture
