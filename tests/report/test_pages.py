@@ -789,8 +789,12 @@ def test_the_name_of_a_class_in_a_map_covers_no_point_that_has_room_beside_it():
 def test_a_figure_of_forms_has_a_column_a_method_and_a_row_a_pose(results, tmp_path):
     view, forms = table_views(results.records)[0], StoredForms(results.folder)
     figure = forms_figure(view, forms, ["thin0", "thin1", "thick0"])
+    # GPS leaves the sign of an eigenfunction open. On a rod, rounding decides whether a form is the
+    # mirror image of another one, and with a remark each of the two rows is .12 inches higher.
+    has_remarks = any(place.texts for place in figure.axes)
+    height = 2.29 if has_remarks else 2.05
     size = figure.get_size_inches().tolist()
-    assert size == pytest.approx([5.1, 2.29], abs=0.02)  # so three poses take less than 3
+    assert size == pytest.approx([5.1, height], abs=0.02)  # so three poses take less than 3
     heads = [place.get_title() for place in figure.axes[:6]]
     assert heads == [
         name
