@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import io
+import os
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -882,11 +883,15 @@ def find_mask(image: Path) -> Path | None:
         # "masks/a_1.png" is the mask of "a.png" only if there is no image "a_1.png" or "a_1.tif".
         found = [path for path in with_longer_names if not _is_of_another(path, image)]
     if len(found) > 1:
-        names = [path.relative_to(image.parent.parent).as_posix() for path in found[:2]]
-        raise DepthError(
-            f"it has the masks {' and '.join(names)}", "keep that of the object", image
-        )
+        first, second = _names_below_common_folder(image, found[:2])
+        raise DepthError(f"it has the masks {first} and {second}", "keep that of the object", image)
     return found[0] if found else None
+
+
+def _names_below_common_folder(image: Path, masks: Sequence[Path]) -> list[str]:
+    """Return paths of masks, from the lowest folder that holds them and the folder of the image."""
+    common = os.path.commonpath([image.parent, *(mask.parent for mask in masks)])
+    return [mask.relative_to(common).as_posix() for mask in masks]
 
 
 def _stems_of(image: Path) -> set[str]:

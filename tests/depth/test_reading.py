@@ -370,9 +370,30 @@ def test_masks_are_found_by_their_usual_names_and_several_are_refused(
     for number in range(2):
         (tmp_path / f"a/5_mask_{number}.png").write_text("")
     with pytest.raises(
-        DepthError, match="5.png: it has the masks a/5_mask_0.png and a/5_mask_1.png; keep that of"
+        DepthError, match="5.png: it has the masks 5_mask_0.png and 5_mask_1.png; keep that of"
     ):
         find_mask(tmp_path / "a/5.png")
+
+
+@pytest.mark.parametrize(
+    ("image", "masks"),
+    [
+        ("set/cat/1.png", ("cat/1_mask.png", "masks/cat/1.png")),
+        ("set/depth/cat/1.png", ("depth/cat/1_mask.png", "masks/cat/1.png")),
+        ("set/cat/1.png", ("cat/mask/1.png", "mask/cat/1.png")),
+        ("set/depth/1.png", ("depth/1_mask.png", "mask/1.png")),
+        ("set/1.png", ("1_mask.png", "mask/1.png")),
+    ],
+)
+def test_masks_of_two_places_are_named_from_the_folder_that_holds_both(
+    tmp_path: Path, image: str, masks: tuple[str, str]
+) -> None:
+    for name in (image, *(f"set/{mask}" for mask in masks)):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text("")
+    with pytest.raises(DepthError) as caught:
+        find_mask(tmp_path / image)
+    assert f"1.png: it has the masks {masks[0]} and {masks[1]}; keep" in str(caught.value)
 
 
 @pytest.mark.parametrize(
