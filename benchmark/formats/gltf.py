@@ -474,7 +474,8 @@ class _File:
 def _posed(what: str) -> UnreadableMesh:
     """Return the error for what poses a mesh."""
     problem = f"'{what}', which poses a mesh, is not read"
-    return UnreadableMesh(problem, "apply the pose, and export again")
+    hint = "apply the pose, and export again"
+    return UnreadableMesh(problem, hint)
 
 
 FORMAT = Format(
