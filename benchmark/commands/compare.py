@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from benchmark.api.contracts import Input
-from benchmark.commands.selection import RESULTS, RecordSelection, as_list
+from benchmark.commands.selection import RESULTS, RecordSelection, as_texts
 from benchmark.defaults import DEFAULT_SCORER
 from benchmark.report.comparison import compare_rows
 
@@ -20,8 +20,8 @@ def compare(
     second: str = "",
     *,
     results: str | Path = RESULTS,
-    tables: str | Sequence[str] = (),
-    data: str | Path | Sequence[str | Path] = (),
+    tables: str | Iterable[str] = (),
+    data: str | Path | Iterable[str | Path] = (),
     input: Input | None = None,
     scorer: str = DEFAULT_SCORER,
     seed: int = 0,
@@ -53,9 +53,9 @@ def compare(
     """
     selection = RecordSelection(
         results=Path(results),
-        tables=as_list(tables),
+        tables=as_texts(tables),
         methods=[*filter(None, (first, second))],
-        data=[str(name) for name in as_list(data)],
+        data=as_texts(data),
         input=input,
         scorer=scorer,
         seed=seed,

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from benchmark.api.contracts import Shape
 from benchmark.commands.forms import form_maker, form_with_notes, plugins_may_fail
-from benchmark.commands.selection import as_paths
+from benchmark.commands.selection import as_paths, as_texts
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.datasets.mesh_files import read_surface
 from benchmark.errors import ConfigurationError, ShapeError, naming_file
@@ -91,10 +91,10 @@ class Demo:
 
 
 def demo(
-    meshes: Sequence[str | Path] = (),
+    meshes: str | Path | Iterable[str | Path] = (),
     output: str | Path = "demo.html",
     *,
-    methods: Sequence[str] = (),
+    methods: str | Iterable[str] = (),
     plugins: str | Path | Iterable[str | Path] = (),
     seed: int = 0,
     watched: WatchedForms = iter,
@@ -125,9 +125,12 @@ def demo(
     """
     page = Path(output)
     _check_replaceable(page)
-    components = [_method_of_surfaces(name, plugins) for name in methods or METHODS]
+    files = as_paths(meshes)
+    plugin_files = as_paths(plugins)
+    names = as_texts(methods) or METHODS
+    components = [_method_of_surfaces(name, plugin_files) for name in names]
     makers = {component.name: form_maker(component) for component in components}
-    shapes = _shapes_of_files(meshes) if meshes else _animal_in_two_poses()
+    shapes = _shapes_of_files(files) if files else _animal_in_two_poses()
     prepared = {shape.name: _prepared(shape) for shape in shapes}
     bodies = {
         shape.name: drawn_from(_mesh_of(prepared[shape.name]), shape.camera) for shape in shapes
@@ -148,7 +151,7 @@ def demo(
         else:
             drawn.add(wanted, form.mesh)
 
-    title = "Your meshes" if meshes else "A generated cat"
+    title = "Your meshes" if files else "A generated cat"
     write_play_page(page, [_gallery(title, shapes, components, drawn)])
     return Demo(page, tuple(drawn.problems))
 
@@ -202,9 +205,9 @@ def _prepared(shape: DemoShape) -> Arrays:
         return prepare_mesh(shape.mesh)
 
 
-def _method_of_surfaces(name: str, plugins: str | Path | Iterable[str | Path]) -> Component:
+def _method_of_surfaces(name: str, plugins: Sequence[Path]) -> Component:
     """Return a method; raise ``ConfigurationError`` if it does not take complete surfaces."""
-    component = select_one(name, as_paths(plugins))
+    component = select_one(name, plugins)
     if "mesh" not in component.info.inputs:
         problem = f"method '{name}' reads depth views, and the page shows complete surfaces"
         raise ConfigurationError(problem, "choose one that reads meshes")
@@ -221,7 +224,7 @@ def _animal_in_two_poses() -> list[DemoShape]:
     ]
 
 
-def _shapes_of_files(meshes: Sequence[str | Path]) -> list[DemoShape]:
+def _shapes_of_files(paths: Sequence[Path]) -> list[DemoShape]:
     """Read mesh files as shapes of a demo.
 
     A shape is named after its file. Its class is this name without a number at its end:
@@ -234,10 +237,9 @@ def _shapes_of_files(meshes: Sequence[str | Path]) -> list[DemoShape]:
     ShapeError
         If a mesh cannot be read; the message names the file.
     """
-    if len(meshes) > MOST_MESHES:
-        problem = f"these are {len(meshes)} meshes, and a page holds {MOST_MESHES}"
+    if len(paths) > MOST_MESHES:
+        problem = f"these are {len(paths)} meshes, and a page holds {MOST_MESHES}"
         raise ConfigurationError(problem, "name fewer, or run methods on a folder: run -d FOLDER")
-    paths = [Path(mesh) for mesh in meshes]
     names = [path.stem for path in paths]
     shapes = []
     for path, name in zip(paths, names, strict=True):

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
 
-from benchmark.commands.selection import RESULTS, as_list, as_sets, is_of_methods
+from benchmark.commands.selection import RESULTS, as_sets, as_texts, is_of_methods
 from benchmark.errors import ConfigurationError
 from benchmark.pipeline.cache import storing, writing
 from benchmark.pipeline.data_names import label_data_sets, records_of
@@ -46,10 +46,10 @@ class Forgotten:
 
 
 def forget(
-    methods: str | Sequence[str] = (),
-    data: str | Path | Sequence[str | Path] = (),
+    methods: str | Iterable[str] = (),
+    data: str | Path | Iterable[str | Path] = (),
     *,
-    records: Sequence[str] = (),
+    records: str | Iterable[str] = (),
     unused: bool = False,
     results: str | Path = RESULTS,
     yes: bool = False,
@@ -84,8 +84,11 @@ def forget(
         If not exactly one way to select is used, or the selection, or a name in it, fits no record.
     """
     folder = Path(results)
-    has_selection = bool(as_list(methods) or data)
-    n_ways = [has_selection, bool(records), unused].count(True)
+    selected_methods = as_texts(methods)
+    selected_sets = as_texts(data)
+    selected_records = as_texts(records)
+    has_selection = bool(selected_methods or selected_sets)
+    n_ways = [has_selection, bool(selected_records), unused].count(True)
     if n_ways != 1:
         raise ConfigurationError(
             "one selection is needed",
@@ -94,18 +97,20 @@ def forget(
         )
     # A selection that is wrong changes nothing in the folder, which need not exist.
     all_records = read_records(folder, published=False)
-    _check_known(folder, all_records, records)
+    _check_known(folder, all_records, selected_records)
     selected_keys: set[str] = set()
     if has_selection:
-        selected_keys = _keys_of_selection(all_records, as_list(methods), as_list(data))
+        selected_keys = _keys_of_selection(all_records, selected_methods, selected_sets)
         if selected_keys:
-            _check_are_of_records(folder, all_records, as_list(methods), as_list(data))
+            _check_are_of_records(folder, all_records, selected_methods, selected_sets)
 
     if not local_folder(folder).is_dir():
         problem = f"{folder} holds no results of runs"
         raise ConfigurationError(problem, "name a results folder with --results")
     with writing(folder):  # no run may add files meanwhile
-        unwanted, files = unneeded(folder, lambda record: record.key in selected_keys, records)
+        unwanted, files = unneeded(
+            folder, lambda record: record.key in selected_keys, selected_records
+        )
         if has_selection and not unwanted:
             problem = f"no record under {folder} fits the selection"
             known = sorted({record.method for record in all_records})
@@ -124,7 +129,7 @@ def _delete(files: Iterable[Path], folder: Path) -> None:
 
 
 def _keys_of_selection(
-    records: Sequence[Record], methods: Sequence[str], data: Sequence[str | Path]
+    records: Sequence[Record], methods: Sequence[str], data: Sequence[str]
 ) -> set[str]:
     """Return the keys of the records of some methods on some data sets; of all where none is named.
 
@@ -146,14 +151,14 @@ def _keys_of_selection(
 
 
 def _check_are_of_records(
-    folder: Path, records: Sequence[Record], methods: Sequence[str], data: Sequence[str | Path]
+    folder: Path, records: Sequence[Record], methods: Sequence[str], data: Sequence[str]
 ) -> None:
     """Raise ``ConfigurationError`` if no record is of one of some methods or data sets.
 
     For the parameters, see :func:`_keys_of_selection`.
     """
     labelled = label_data_sets(records)
-    unknown = [str(name) for name in data if not records_of(labelled, as_sets([name]))]
+    unknown = [name for name in data if not records_of(labelled, as_sets([name]))]
     if are_named(methods):
         known = {record.method for record in records}
         known |= set(map(base_name, known))

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 from benchmark.api.learning import CARD, read_card
 from benchmark.api.parameters import format_value
 from benchmark.commands.canonicalise import trained_on_people
 from benchmark.commands.selection import RESULTS, as_paths, data_folder
 from benchmark.datasets.catalogue import CATALOGUE, is_present
-from benchmark.errors import ConfigurationError
+from benchmark.errors import ConfigurationError, check_known
 from benchmark.protocols.models import MODELS_VARIABLE, model_places
 from benchmark.protocols.tables import TABLES
 from benchmark.reference.paper import entry_of, source_of
@@ -46,7 +46,13 @@ def listing(
         Plugin files of methods and scorers.
     results, data_root
         The results folder with models; the folder of the official data sets.
+
+    Raises
+    ------
+    ConfigurationError
+        If there is no such list, or a plugin cannot be loaded.
     """
+    check_known("list", [what], get_args(KindOfName))
     if what == "datasets":
         return _datasets(data_folder(data_root))
     if what == "tables":

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Iterable
 from pathlib import Path
 from typing import get_args
 
-from benchmark.commands.selection import RESULTS, as_list
+from benchmark.commands.selection import RESULTS, as_paths, as_texts
 from benchmark.errors import ConfigurationError, check_known
 from benchmark.pipeline.cache import writing
 from benchmark.pipeline.merging import Choice, Merged, merge_records
@@ -17,7 +17,7 @@ def merge(
     results: str | Path = RESULTS,
     *,
     take: Choice | None = None,
-    records: Collection[str] = (),
+    records: str | Iterable[str] = (),
 ) -> Merged:
     """Add the records of other results folders to one.
 
@@ -42,12 +42,13 @@ def merge(
     """
     if take is not None:
         check_known("result to take", [take], get_args(Choice))
-    if records and not take:
+    others = as_paths(folders)
+    conflicts = as_texts(records)
+    if conflicts and not take:
         raise ConfigurationError(
             "--record names a conflict to resolve", "pass --take theirs or ours, too"
         )
     target = Path(results)
-    every = [Path(folder) for folder in as_list(folders)]
-    others = [folder for folder in every if folder.resolve() != target.resolve()]
+    others = [folder for folder in others if folder.resolve() != target.resolve()]
     with writing(target):
-        return merge_records(others, target, take, records)
+        return merge_records(others, target, take, conflicts)

@@ -16,6 +16,7 @@ from urllib.parse import quote, urlsplit
 from urllib.request import Request, urlopen
 
 from benchmark.api.learning import CARD, WEIGHTS
+from benchmark.commands.selection import as_texts
 from benchmark.errors import ConfigurationError, UnreadableMesh, check_known, with_hint
 from benchmark.files import file_digest, read_file, write_atomically
 from benchmark.protocols.models import MODELS_VARIABLE
@@ -61,7 +62,7 @@ class _NotFetched(Exception):
 
 
 def fetch_models(
-    source: str | Path, names: Sequence[str] = (), *, watched: WatchedModels = iter
+    source: str | Path, names: str | Iterable[str] = (), *, watched: WatchedModels = iter
 ) -> FetchedModels:
     """Copy published models into the folder where methods look for them.
 
@@ -98,7 +99,7 @@ def fetch_models(
     fetched: list[str] = []
     present: list[str] = []
     problems: dict[str, str] = {}  # why a model could not be fetched
-    for model in watched(_chosen_models(names)):
+    for model in watched(_chosen_models(as_texts(names))):
         try:
             is_new = _fetch_model(model, read, folder)
         except _NotFetched as error:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import shlex
 from collections import defaultdict
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from itertools import chain
@@ -19,6 +19,7 @@ from benchmark.commands.selection import (
     RESULTS,
     as_list,
     as_paths,
+    as_texts,
     check_input,
     data_folder,
     further_options,
@@ -241,10 +242,10 @@ class Plan:
 
 
 def plan(
-    data: str | Path | Sequence[str | Path] = (),
+    data: str | Path | Iterable[str | Path] = (),
     methods: Any = (),
     *,
-    tables: str | Sequence[str] = (),
+    tables: str | Iterable[str] = (),
     input: Input | None = None,
     scorer: str = DEFAULT_SCORER,
     plugins: str | Path | Iterable[str | Path] = (),
@@ -252,12 +253,12 @@ def plan(
     results: str | Path = RESULTS,
     data_root: str | Path | None = None,
     quick: bool = False,
-    subjects: str | Sequence[str] | None = None,
+    subjects: str | Iterable[str] | None = None,
     gallery: str | Path = "",
     gallery_views: int = 0,
     same_names: bool = False,
     seed: int = 0,
-    rerun: Collection[str] = (),
+    rerun: str | Iterable[str] = (),
     in_this_process: bool = False,
 ) -> Plan:
     """Say what :func:`benchmark.run` would do with the same selection, why, and how long it takes.
@@ -291,11 +292,14 @@ def plan(
     """
     check_input(input)
     check_seed(seed)
-    check_known("state of jobs that run again", rerun, _RERUN)
-    sets = [str(name) for name in as_list(data)]
+    rerun_states = as_texts(rerun)
+    check_known("state of jobs that run again", rerun_states, _RERUN)
+    sets = as_texts(data)
+    selected_methods = as_list(methods)
+    selected_tables = as_texts(tables)
     root = data_folder(data_root)
-    of_programs = _forms_as_methods(forms or {}, methods, sets)
-    chosen = of_programs or as_list(methods)
+    of_programs = _forms_as_methods(forms or {}, selected_methods, sets)
+    chosen = of_programs or selected_methods
     folder = Path(results)
     records = read_records(folder)
     gallery = str(gallery)
@@ -305,11 +309,11 @@ def plan(
         methods=chosen,
         scorer=scorer,
         seed=int(seed),  # of numpy's integers, none can stand in a record
-        rerun=rerun,
+        rerun=rerun_states,
         records=records,
         plugins=as_paths(plugins),
         in_this_process=in_this_process,
-        tables=as_list(tables),
+        tables=selected_tables,
         input=input,
         quick=quick,
         data_root=root,
@@ -328,7 +332,7 @@ def plan(
             raise
         jobs = jobs_of(datasets=usable)
     if not refused:
-        _check_have_jobs(as_list(methods), as_list(tables), jobs)
+        _check_have_jobs(selected_methods, selected_tables, jobs)
     if of_programs:
         for job in jobs:
             check_forms(job.record, job.before, job.job.method.given)
@@ -337,8 +341,8 @@ def plan(
         tuple(jobs),
         tuple(records),
         root,
-        tuple(rerun),
-        is_narrow=are_named(as_list(methods)),
+        tuple(rerun_states),
+        is_narrow=are_named(selected_methods),
         in_this_process=in_this_process,
         notes=tuple(shadowed_folders(filter(None, [*sets, gallery]), root)),
         refused=refused,
@@ -366,7 +370,7 @@ def _check_have_jobs(
         raise ConfigurationError(problem, "drop it, or -t or --input")
 
 
-def _named_subjects(subjects: str | Sequence[str] | None) -> list[str]:
+def _named_subjects(subjects: str | Iterable[str] | None) -> list[str]:
     """Return the names of subjects, which may stand in one text with commas; None names none.
 
     Raise ``ConfigurationError`` if a list without names was passed: it would select all.
@@ -376,7 +380,7 @@ def _named_subjects(subjects: str | Sequence[str] | None) -> list[str]:
     if isinstance(subjects, str):
         subjects = subjects.split(",")
     # A name that stands there twice would make another gallery of the same shapes.
-    names = [*dict.fromkeys(nfc(name) for name in subjects if name)]
+    names = [*dict.fromkeys(nfc(name) for name in as_texts(subjects) if name)]
     if not names:
         raise ConfigurationError("no subject is named", "name one, or omit subjects for all")
     return names
@@ -394,16 +398,16 @@ def _refused(sets: Iterable[str], jobs_of: Callable[..., object]) -> dict[str, B
 
 
 def lacking(
-    data: str | Path | Sequence[str | Path] = (),
+    data: str | Path | Iterable[str | Path] = (),
     methods: Any = (),
     *,
-    tables: str | Sequence[str] = (),
+    tables: str | Iterable[str] = (),
     input: Input | None = None,
     plugins: str | Path | Iterable[str | Path] = (),
     results: str | Path = RESULTS,
     data_root: str | Path | None = None,
     quick: bool = False,
-    subjects: str | Sequence[str] | None = None,
+    subjects: str | Iterable[str] | None = None,
     gallery: str | Path = "",
     gallery_views: int = 0,
     same_names: bool = False,
@@ -434,8 +438,8 @@ def lacking(
         plugins=as_paths(plugins),
         input=input,
         data_root=data_folder(data_root),
-        tables=as_list(tables),
-        datasets=[str(name) for name in as_list(data)],
+        tables=as_texts(tables),
+        datasets=as_texts(data),
         quick=quick,
         subjects=_named_subjects(subjects),
         gallery=str(gallery),
@@ -445,13 +449,13 @@ def lacking(
 
 
 def _forms_as_methods(
-    forms: Mapping[str, str | Path], methods: Any, data: Sequence[str]
+    forms: Mapping[str, str | Path], methods: Sequence[Any], data: Sequence[str]
 ) -> list[Component]:
     """Return forms of other programs as methods.
 
     Raise ``ConfigurationError`` unless they alone are selected.
     """
-    if forms and (as_list(methods) or not data):
+    if forms and (methods or not data):
         problem = "--forms scores the meshes of folders as forms of a data set"
         raise ConfigurationError(problem, "pass -d FOLDER --forms NAME=DIR, without -m")
     return [forms_of(Path(folder), title) for title, folder in forms.items()]

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Literal
 
 from benchmark.api.contracts import Input
 from benchmark.commands.printable_tables import Tables
+from benchmark.commands.selection import as_texts
 from benchmark.commands.tables import tables
 from benchmark.defaults import DEFAULT_SCORER, RESULTS
 from benchmark.errors import ConfigurationError
@@ -21,11 +22,11 @@ _OTHER_TABLE = "select another one with -t, or print it with 'tables -t robustne
 
 def write_report(
     folder: str | Path = REPORT_FOLDER,
-    names: str | Sequence[str] = (),
+    names: str | Iterable[str] = (),
     *,
     results: str | Path = RESULTS,
-    data: str | Path | Sequence[str | Path] = (),
-    methods: str | Sequence[str] = (),
+    data: str | Path | Iterable[str | Path] = (),
+    methods: str | Iterable[str] = (),
     input: Input | None = None,
     scorer: str = DEFAULT_SCORER,
     seed: int = 0,
@@ -99,7 +100,7 @@ def draw_tables(
     selected: Tables,
     path: Path,
     kind: Literal["forms", "map"],
-    shapes: Sequence[str] = (),
+    shapes: str | Iterable[str] = (),
     *,
     results: Path = RESULTS,
     data_root: Path | None = None,
@@ -136,4 +137,4 @@ def draw_tables(
     if kind == "map":
         write_figure(map_figure(view, forms), path)
     else:
-        write_figure(forms_figure(view, forms, shapes), path)
+        write_figure(forms_figure(view, forms, as_texts(shapes)), path)

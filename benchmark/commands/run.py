@@ -41,7 +41,7 @@ _INTERVAL = 15.0
 
 
 def run(
-    data: str | Path | Sequence[str | Path],
+    data: str | Path | Iterable[str | Path],
     methods: Any = (),
     *,
     input: Input = "mesh",

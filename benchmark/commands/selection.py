@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Sequence
+from collections.abc import Set as AbstractSet
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -27,10 +28,21 @@ from benchmark.text import brief, counted, listed
 
 
 def as_list(values: Any) -> list[Any]:
-    """Return a list or a tuple as a list, and a single value as a list of it."""
-    if isinstance(values, list | tuple):
-        return list(values)
-    return [values]
+    """Return several values as a list, and a single one as a list of it.
+
+    Parameters
+    ----------
+    values
+        Several are what can be iterated over: a list, a tuple, a generator, an array, ... A set has
+        no order that two processes share, so its values are sorted by their texts. Texts, paths,
+        and what can be called, such as a method, are single values.
+    """
+    is_single = isinstance(values, str | bytes | Path) or callable(values)
+    if is_single or not isinstance(values, Iterable):
+        return [values]
+    if isinstance(values, AbstractSet):
+        return sorted(values, key=str)
+    return list(values)
 
 
 def as_sets(names: Iterable[str | Path]) -> list[str]:
@@ -44,11 +56,14 @@ def as_sets(names: Iterable[str | Path]) -> list[str]:
     return sets
 
 
+def as_texts(names: str | Path | Iterable[str | Path]) -> list[str]:
+    """Return names, or a single one, as a list of texts."""
+    return [str(name) for name in as_list(names)]
+
+
 def as_paths(paths: str | Path | Iterable[str | Path]) -> list[Path]:
     """Return paths, or a single one, as a list."""
-    if isinstance(paths, str | Path):
-        return [Path(paths)]
-    return [Path(path) for path in paths]
+    return [Path(path) for path in as_list(paths)]
 
 
 def check_input(given: Input | None) -> None:

@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from pathlib import Path
 
 from benchmark.api.contracts import Input
 from benchmark.commands.printable_tables import Tables
-from benchmark.commands.selection import RESULTS, RecordSelection, as_list
+from benchmark.commands.selection import RESULTS, RecordSelection, as_texts
 from benchmark.defaults import DEFAULT_SCORER
 from benchmark.pipeline.records import Record
 
 
 def tables(
-    names: str | Sequence[str] = (),
+    names: str | Iterable[str] = (),
     *,
     results: str | Path = RESULTS,
-    data: str | Path | Sequence[str | Path] = (),
-    methods: str | Sequence[str] = (),
+    data: str | Path | Iterable[str | Path] = (),
+    methods: str | Iterable[str] = (),
     input: Input | None = None,
     scorer: str = DEFAULT_SCORER,
     seed: int = 0,
@@ -63,9 +63,9 @@ def tables(
         refused = rows.refused
     selection = RecordSelection(
         results=Path(results),
-        tables=as_list(names),
-        methods=as_list(methods),
-        data=[str(name) for name in as_list(data)],
+        tables=as_texts(names),
+        methods=as_texts(methods),
+        data=as_texts(data),
         input=input,
         scorer=scorer,
         seed=seed,

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any
 
 from benchmark.api.learning import CARD, Learner, TrainingData, checked_weights
-from benchmark.commands.selection import RESULTS, as_paths, data_folder
+from benchmark.commands.selection import RESULTS, as_paths, as_texts, data_folder
 from benchmark.errors import BenchmarkError, ConfigurationError, TrainingError, locate
 from benchmark.locks import take_lock
 from benchmark.pipeline.cache import StorageError, storing, taken
@@ -26,7 +26,7 @@ def train(
     *,
     options: Mapping[str, Any] | None = None,
     data: str | Path | None = None,
-    hold_out: Sequence[str] = (),
+    hold_out: str | Iterable[str] = (),
     plugins: str | Path | Iterable[str | Path] = (),
     results: str | Path = RESULTS,
     data_root: str | Path | None = None,
@@ -76,7 +76,7 @@ def train(
             f"method '{method}' is not a learner", "choose one, such as 'learned'"
         )
     root = data_folder(data_root)
-    subjects = tuple(filter(None, hold_out))
+    subjects = tuple(filter(None, as_texts(hold_out)))
     if data is None:
         if subjects:
             raise ConfigurationError(

@@ -1,12 +1,14 @@
 """What the verbs print, Python gets as data, with the same refusals."""
 
 import csv
+import inspect
 import json
 import re
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import benchmark
@@ -16,10 +18,12 @@ from benchmark.cli.run import _print_tables
 from benchmark.commands.external_rows import record_beside, score_and_keep
 from benchmark.commands.forget import Forgotten, forget
 from benchmark.commands.forms import form_with_notes
+from benchmark.commands.models import fetch_models
 from benchmark.commands.plan import Plan
 from benchmark.commands.printable_tables import Tables
-from benchmark.commands.report import write_pages
+from benchmark.commands.report import draw_tables, write_pages
 from benchmark.commands.run import tables_of_run
+from benchmark.commands.selection import as_list
 from benchmark.errors import BenchmarkError, ConfigurationError
 from benchmark.pipeline.record_files import write_record
 from benchmark.protocols.tables import ROBUST, own_table
@@ -114,6 +118,13 @@ def test_python_refuses_with_the_words_of_the_verb(results, function, words):
         (lambda r: benchmark.retrieve("a.off", "ellipsoids", "gps", count=0, results=r), "count=0"),
         (lambda r: benchmark.merge(r, r / "others", take="mine"), "'mine'"),
         (lambda r: benchmark.plan("ellipsoids", plugins="none.py", results=r), "none.py"),
+        (lambda r: benchmark.plan("ellipsoids", "gps", rerun="fail", results=r), "'fail'"),
+        (lambda r: benchmark.forget(records="gps", results=r), "no record 'gps'"),
+        (lambda r: benchmark.merge(r, r / "others", take="ours", records="gps"), "'gps'"),
+        (lambda r: benchmark.merge(iter([r / "others"]), r / "mine"), "others holds no records"),
+        (lambda r: benchmark.demo("none.off", r / "a.html", methods="identity"), "none.off"),
+        (lambda r: benchmark.demo(methods="skeletons", output=r / "a.html"), "'skeletons'"),
+        (lambda r: benchmark.listing("method", results=r), "unknown list 'method'"),
         (lambda r: benchmark.describe("gps", plugins="none.py"), "none.py"),
     ],
 )
@@ -140,6 +151,52 @@ def test_a_single_plugin_is_a_list_of_one():
     assert benchmark.describe("ray-stretch", plugins=str(plugin)) == benchmark.describe(
         "ray-stretch", plugins=[plugin]
     )
+
+
+def test_each_argument_for_several_texts_takes_a_single_one_and_any_iterable():
+    functions = [*(getattr(benchmark, name) for name in dir(benchmark)), draw_tables, fetch_models]
+    several = []
+    for function in functions:
+        for name, argument in inspect.signature(function).parameters.items():
+            if re.search(r"\w\[str( \| Path)?\]", argument.annotation):
+                several.append(f"{function.__name__}({name})")
+                assert re.fullmatch(
+                    r"(str \| Iterable\[str\]|str \| Path \| Iterable\[str \| Path\])( \| None)?",
+                    argument.annotation,
+                ), several[-1]
+    assert len(several) > 20
+
+
+@pytest.mark.parametrize(
+    ("several", "values"),
+    [
+        ("gps", ["gps"]),
+        (Path("a"), [Path("a")]),
+        (("b", "a"), ["b", "a"]),
+        ({"b", "a"}, ["a", "b"]),
+        (iter("ba"), ["b", "a"]),
+        ({"b": 1, "a": 2}.keys(), ["a", "b"]),
+        (np.array(["b", "a"]), ["b", "a"]),
+        (pd.Series(["b", "a"]), ["b", "a"]),
+        (min, [min]),
+        ((), []),
+    ],
+)
+def test_values_are_several_if_they_can_be_iterated_over_and_are_no_text(several, values):
+    assert as_list(several) == values
+
+
+def test_methods_and_data_are_read_once_from_what_holds_them_once(results, tmp_path):
+    rods = write_rods(tmp_path / "rods")
+    methods = ["identity", "gps"]
+    of_list = benchmark.plan([rods], methods, input="mesh", results=tmp_path)
+    for kind in (iter, set, np.array):
+        planned = benchmark.plan(iter([rods]), kind(methods), input="mesh", results=tmp_path)
+        assert {job.record.key for job in planned.jobs} == {job.record.key for job in of_list.jobs}
+    shown = benchmark.tables(methods=iter(["gps"]), results=results)
+    assert str(shown) == str(benchmark.tables(methods=["gps"], results=results))
+    named = benchmark.forget(iter(["gps"]), iter(["rods"]), results=results)
+    assert len(named.records) == 2
 
 
 def test_a_subject_and_a_plugin_that_are_named_twice_are_one(tmp_path):

@@ -102,7 +102,7 @@ def test_a_folder_and_a_server_give_the_same_models(checkout, server, target, mo
 def test_a_training_and_a_model_can_be_named_and_what_is_there_is_not_read_again(server, target):
     fetched = fetch_models(server, [FIRST])
     assert (fetched.fetched, fetched.present) == ((FIRST,), ())
-    fetched = fetch_models(server, ["people-fold-0"])
+    fetched = fetch_models(server, "people-fold-0")
     assert (fetched.fetched, fetched.present) == (("people-fold-0/literal-seed1",), (FIRST,))
     assert "animals" not in {path.name for path in target.iterdir()}
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+import benchmark
 from benchmark.api.learning import CARD, digest_of
 from benchmark.errors import ConfigurationError
 from benchmark.protocols.trainings import find_training, own_training
@@ -58,6 +59,11 @@ def test_a_folder_is_trained_on_without_the_subjects_that_are_held_out(
     assert "never run" in call("plan", *row)
     again = call("train", "learned", "--data", scans, "--hold-out", "ben", *small)
     assert "holds this model already" in again
+    options = {"resolution": 32, "epochs": 1, "device": "cpu"}
+    (known,) = benchmark.train(
+        "learned", data=scans, hold_out="ben", options=options, results=tmp_path
+    )
+    assert known == model
 
 
 @pytest.mark.parametrize(
