@@ -82,10 +82,8 @@ def train(
     say: Callable[[str], None],
 ) -> None:
     """Train a model into a folder; see :meth:`learned.methods.TrainedNetwork.train`."""
+    _check_trainable(name)
     configuration = CONFIGURATIONS[name]
-    if configuration.architecture not in TRAINABLE:
-        problem = f"network '{name}' comes trained"
-        raise ConfigurationError(problem, f"train it at commit {FROZEN_AT}")
     of_machine = {
         key: value for key, value in options.items() if key in Machine.__dataclass_fields__
     }
@@ -133,6 +131,13 @@ def train(
     say(f"finished; the losses of the last epoch are {json.dumps(history[-1])}")
 
 
+def _check_trainable(name: str) -> None:
+    """Raise ``ConfigurationError`` if this code cannot train the network of a configuration."""
+    if CONFIGURATIONS[name].architecture not in TRAINABLE:
+        problem = f"network '{name}' comes trained"
+        raise ConfigurationError(problem, f"train it at commit {FROZEN_AT}")
+
+
 def _schedule(name: str, options: Mapping[str, Any]) -> Schedule:
     """Return the schedule of a network with the options of a training."""
     return Schedule(**checked(Schedule, {**DEFAULTS.get(name, {}), **options}, "the schedule"))
@@ -142,7 +147,13 @@ def estimated_seconds(name: str, n_pairs: int, options: Mapping[str, Any]) -> fl
     """Return about how many seconds a core of this machine takes for a training.
 
     What makes its images is not included.
+
+    Raises
+    ------
+    ConfigurationError
+        If this code cannot train the network.
     """
+    _check_trainable(name)
     schedule = resolved(_schedule(name, options), torch.device("cpu"))
     pixels = (schedule.resolution / CODE_RESOLUTION) ** 2
     seconds = SECONDS_AN_IMAGE[CONFIGURATIONS[name].architecture] * pixels

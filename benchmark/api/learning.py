@@ -272,7 +272,14 @@ class HasRecipe(Protocol):
         ...
 
     def training_seconds(self, training: str, n_pairs: int) -> float:
-        """Return about how many seconds one core needs for one training on so many pairs."""
+        """Return about how many seconds one core needs for one training on so many pairs.
+
+        Raises
+        ------
+        ConfigurationError
+            If the learner comes trained, and cannot be trained by this code. Then ``run --train``
+            leaves it out.
+        """
         ...
 
 

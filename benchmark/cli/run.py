@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shlex
 from collections import Counter, defaultdict
 from collections.abc import Collection, Iterable, Sequence
@@ -318,16 +319,28 @@ def _say_lacking(models: Sequence[LackingModel]) -> None:
     counts = Counter(base_name(model.method) for model in models)
     names = ", ".join(f"{count} of {name}" for name, count in counts.items())
 
-    # For some models, the time of the training is not known.
-    known_seconds = [model.seconds for model in models if model.seconds is not None]
-    duration = f"about {_roughly(sum(known_seconds))} of processor time"
-    n_unknown = len(models) - len(known_seconds)
-    if n_unknown:
-        duration += f", {n_unknown} of them unknown"
-
     verb = "is" if len(models) == 1 else "are"
     number = counted(len(models), "model")
+    duration = _duration_of_trainings([model.seconds for model in models])
     say(f"{number} {verb} missing ({names}); 'run --train' trains first: {duration}")
+
+
+def _duration_of_trainings(seconds: Sequence[float | None]) -> str:
+    """Return how long trainings take, in words.
+
+    Parameters
+    ----------
+    seconds
+        Seconds of processor time of each; None for a method that does not say.
+    """
+    known = [each for each in seconds if each is not None]
+    n_unknown = len(seconds) - len(known)
+    if not known:
+        return "it is not known how long that takes"
+    duration = f"about {_roughly(sum(known))} of processor time"
+    if n_unknown:
+        duration += f" for {len(known)} of them; it is not known how long the others take"
+    return duration
 
 
 #: What becomes of jobs, in the order of the columns that count them.
@@ -375,7 +388,7 @@ def _say_reasons(jobs: Sequence[Planned]) -> None:
 def _roughly(seconds: float) -> str:
     """Return a time in words: 40 s, 12 min, 2 h 10 min."""
     if seconds < 90:
-        return f"{round(seconds)} s"
+        return f"{math.ceil(seconds)} s"
     hours, minutes = divmod(round(seconds / 60), 60)
     if not hours:
         return f"{minutes} min"

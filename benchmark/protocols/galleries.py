@@ -26,6 +26,7 @@ from benchmark.protocols.models import (
     Model,
     TooNear,
     UnusableModel,
+    can_be_trained,
     find_models,
     has_model,
 )
@@ -249,7 +250,7 @@ class Gallery:
     ) -> Iterator[tuple[Component, Training]]:
         """Yield the trainings without a model that rows of networks would need.
 
-        There are none that this code cannot train.
+        There are none that cannot be trained here: by this code, on data that are here.
 
         Parameters
         ----------
@@ -288,12 +289,16 @@ class Gallery:
                 continue
             by_shape = trainings_by_shape(learner, self.dataset, self.entries, self.data_root)
             for training in dict.fromkeys(by_shape.values()):
-                can_be_trained = training.dataset and not training.is_frozen  # its data exist
-                if not can_be_trained:
+                # A run knows the data of the catalogue alone, of which some may not be here.
+                has_data = training.dataset and is_present(training.dataset, self.data_root)
+                if not has_data:
                     continue
                 rows = [variant] if is_fixed else _with_seeds(variant, learner, training.name)
                 for row in rows:
-                    if not has_model(row.create(), training.name, trained_here):
+                    network = row.create()
+                    if has_model(network, training.name, trained_here):
+                        continue
+                    if can_be_trained(network, training.name):
                         yield row, training
 
     def models(self, method: Component, trained_here: Path | None) -> dict[str, Model]:

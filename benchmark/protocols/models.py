@@ -89,11 +89,12 @@ class Model:
     def has_seen(self, entry: Entry, dataset: str) -> bool:
         """Return whether a shape, or another one of its subject, was in the training data.
 
-        Names are compared if both data sets show the same subjects, or if the shape is from a
-        folder, which may contain anything. Names in two different known data sets are unrelated.
+        Names are compared if both data sets show the same subjects, or if one of them is a folder,
+        which may contain anything. Names in two different known data sets are unrelated.
         """
         shown = set_of_subjects(dataset)
-        if shown and shown != set_of_subjects(find_training(self.training).dataset):
+        trained_on = set_of_subjects(find_training(self.training).dataset)
+        if shown and trained_on and shown != trained_on:
             return False
         return entry.identifier in self.card.identifiers or entry.subject in self.card.subjects
 
@@ -317,6 +318,21 @@ def has_model(learner: Learner, training: str, trained_here: Path | None) -> boo
     return _finished(learner, training, trained_here) is not None
 
 
+def can_be_trained(learner: Learner, training: str) -> bool:
+    """Return whether this code can train a model of a learner on the data of a training.
+
+    The code that made the bodies of a training, or that trained a network, may be gone.
+    """
+    if training in TRAININGS and TRAININGS[training].is_frozen:
+        return False
+    if isinstance(learner, HasRecipe):
+        try:
+            learner.training_seconds(training, 1)
+        except ConfigurationError:
+            return False
+    return True
+
+
 def _finished(learner: Learner, training: str, trained_here: Path | None) -> Path | None:
     """Return the folder of the finished model of a training, one that was trained here first.
 
@@ -342,8 +358,8 @@ def _missing(spec: Component, learner: Learner, names: Sequence[str]) -> Missing
         Names of the trainings.
     """
     ways = []
-    are_frozen = any(name in TRAININGS and TRAININGS[name].is_frozen for name in names)
-    if not are_frozen:
+    are_trainable = all(can_be_trained(learner, name) for name in names)
+    if are_trainable:
         words = ["python", "-m", "benchmark", "train", spec.name]
         if is_own_training(names[0]):
             words += ["--data", "FOLDER", "--hold-out", "SUBJECT"]
@@ -357,7 +373,7 @@ def _missing(spec: Component, learner: Learner, names: Sequence[str]) -> Missing
     if all(f"{name}/{learner.model_name}" in published_models() for name in names):
         fetch = shlex.join(["python", "-m", "benchmark", "models", "fetch", *names])
         ways.append(f"run `{fetch} --from CHECKOUT/learned/models`")
-    if are_frozen:
+    if not are_trainable:
         ways.append(f"train at commit {FROZEN_AT}")
     hint = ", or ".join(ways)
     models = "model" if len(names) == 1 else "models"

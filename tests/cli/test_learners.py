@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from benchmark.api.learning import CARD
+from benchmark.cli.run import _duration_of_trainings
 from benchmark.commands.train import _only_training_of
 from benchmark.errors import TrainingError
 from benchmark.locks import take_lock
@@ -155,6 +156,19 @@ def test_without_a_model_the_plan_names_the_command_that_trains_it(root, tmp_pat
     call("run", *selection, "-j", "0", code=1)
     call(*command[3:-2], *folders)
     assert "2 of 2 jobs to run" in call("plan", *selection)
+
+
+@pytest.mark.parametrize(
+    ("seconds", "words"),
+    [
+        ([None, None], "it is not known how long that takes"),
+        ([0.2], "about 1 s of processor time"),
+        ([40.0, 59.0], "about 2 min of processor time"),
+        ([40.0, None], "about 40 s of processor time for 1 of them; it is not known how long"),
+    ],
+)
+def test_the_time_of_trainings_is_only_said_if_a_method_says_it(seconds, words):
+    assert _duration_of_trainings(seconds).startswith(words)
 
 
 def test_a_run_trains_what_it_lacks_first(root, tmp_path, in_this_process):

@@ -170,6 +170,22 @@ def test_a_missing_model_that_cannot_be_trained_any_more_is_only_fetched(
     assert is_trained != ("train at commit 4868b8b9" in hint)
 
 
+def test_a_model_of_own_data_has_seen_subjects_of_the_same_name_in_any_set() -> None:
+    ben = Entry("ben/1", "ben", "1")
+    model = model_with("own-scans", identifiers=frozenset(), subjects=frozenset({"ben"}))
+    for dataset in ("people[draw=0]", "tosca", "a folder"):
+        assert model.has_seen(ben, dataset), dataset
+    assert not model.has_seen(Entry("ann/1", "ann", "1"), "tosca")
+
+
+@pytest.mark.parametrize("training", ["people-fold-1", "own-x"])
+def test_a_missing_model_of_a_network_that_comes_trained_names_the_commit(training) -> None:
+    shapes = open_dataset(GENERATED)
+    method = select_one(f"learned-streamed[training={training}]")
+    with pytest.raises(MissingModel, match=f"needs the model {training}; train at commit"):
+        find_models(method, shapes, shapes.shapes[:2], None, None)
+
+
 def test_a_missing_model_of_own_data_is_trained_on_a_folder():
     shapes = open_dataset(GENERATED)
     method = select_one("learned[training=own-colleagues]")

@@ -5,10 +5,14 @@ from collections import Counter
 from itertools import pairwise
 from subprocess import CompletedProcess
 
+import pytest
+
 from benchmark.api.learning import CARD
-from benchmark.registry import select_one
+from benchmark.registry import by_name, select_one
 from benchmark.registry.modules import load_module
 from benchmark.runs.lacking import LackingModel, lacking_models, train_lacking
+from learned.fitting import TRAINABLE
+from learned.models import CONFIGURATIONS
 from tests.registry.plugin import write_plugin
 
 STRICT = "learned-strict"
@@ -55,6 +59,22 @@ def test_networks_that_come_with_the_suite_or_are_frozen_lack_nothing(tmp_path):
     methods = [*shipped, "deformation-field", "learned-wide-extra[training=animals-sampled]"]
     assert lacking_models(tmp_path, tables=["I", "II", "III"], methods=methods) == []
     assert lacking_models(tmp_path, tables=["I"], methods=["gps"]) == []
+
+
+@pytest.mark.parametrize("training", ["people-fold-0", "tosca-III", "humans-sampled", "own-x"])
+def test_what_is_lacking_can_be_trained_whatever_training_is_named(tmp_path, training):
+    names = [name for name, method in by_name("method").items() if method.learns]
+    methods = [f"{name}[training={training},training_seed=9]" for name in names]
+    methods += [
+        f"learned[configuration={configuration},training={training},training_seed=9]"
+        for configuration in CONFIGURATIONS
+    ]
+    lacking = lacking_models(tmp_path, tables=["I", "II"], methods=methods)
+    trained = {select_one(model.method).create().configuration for model in lacking}
+    trainable = {name for name, each in CONFIGURATIONS.items() if each.architecture in TRAINABLE}
+    has_data = training in ("people-fold-0", "humans-sampled")
+    assert trained == (trainable if has_data else set())
+    assert all(model.seconds and model.seconds > 0 for model in lacking)
 
 
 def test_controls_share_the_models_of_their_network(tmp_path, monkeypatch):
