@@ -15,7 +15,7 @@ from torch import nn
 
 from benchmark.api.learning import CARD, FROZEN_AT, TrainingData
 from benchmark.api.parameters import checked
-from benchmark.errors import ConfigurationError
+from benchmark.errors import ConfigurationError, TrainingError
 from benchmark.machine import describe_machine
 from learned.code_network import CODE_RESOLUTION
 from learned.images import DepthScale
@@ -237,7 +237,7 @@ def check_finished(folder: Path, recipe: Mapping[str, Any]) -> bool:
     Raises
     ------
     ConfigurationError
-        If the folder holds the model of another training.
+        If the folder holds the model of another training, or one that is damaged.
     """
     if not (folder / CARD).is_file():
         return False
@@ -254,6 +254,10 @@ def check_finished(folder: Path, recipe: Mapping[str, Any]) -> bool:
         problem = f"{folder} holds a finished model of another training, with another {changed}"
         hint = "delete the folder to train anew, or name other --results"
         raise ConfigurationError(problem, hint)
+    try:
+        load_model(folder)
+    except ConfigurationError as error:
+        raise ConfigurationError(error.problem, "delete the folder to train anew") from error
     return True
 
 
@@ -262,9 +266,17 @@ def _round_weights(network: nn.Module) -> None:
     """Round the weights of a network in place to half precision, in which they are stored.
 
     What is measured on it is then true of the model that others load.
+
+    Raises
+    ------
+    TrainingError
+        If a weight is no number, or too large for half precision.
     """
-    for parameter in network.parameters():
+    for name, parameter in network.named_parameters():
         parameter.copy_(parameter.half())
+        if not parameter.isfinite().all():
+            problem = f"the training diverged: {name} holds a weight that is not finite"
+            raise TrainingError(problem, "train anew with a smaller step size: -o learning_rate")
 
 
 @torch.inference_mode()

@@ -22,7 +22,7 @@ from safetensors.torch import save
 from benchmark.api.learning import CARD, WEIGHTS, Bodies, TrainingPair, digest_of
 from benchmark.errors import ConfigurationError, TrainingError
 from benchmark.machine import describe_machine
-from learned.fitting import train
+from learned.fitting import check_finished, train
 from learned.images import resampled
 from learned.models import HISTORY, Configuration, load_model, predict
 from learned.pairs import gather
@@ -212,6 +212,9 @@ def test_weights_that_are_not_finite_are_refused(copied: Path, value: float) -> 
     replace_weights(copied, save(tensors))
     with pytest.raises(ConfigurationError, match="some of its weights are not finite; train it"):
         load_model(copied)
+    card = json.loads((copied / CARD).read_bytes())
+    with pytest.raises(ConfigurationError, match="are not finite; delete the folder to train"):
+        check_finished(copied, card["schedule"])
 
 
 def test_a_network_takes_no_memory_before_its_weights_fit(

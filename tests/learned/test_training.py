@@ -12,6 +12,7 @@ from typing import Literal
 import pytest
 import torch
 
+from benchmark.api.learning import CARD
 from benchmark.errors import ConfigurationError, TrainingError
 from learned import fitting, training
 from learned.pairs import PairsInMemory, gather
@@ -154,6 +155,21 @@ def test_the_ablation_of_the_weighting_has_no_early_epochs(
     options = {"resolution": 32, "device": "cpu", "threads": 1}
     fitting.train(name, 0, toy_data(), tmp_path, options, quiet)
     assert plans[0].early_epochs == early
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), 70_000.0])
+def test_a_training_that_diverges_in_its_last_step_leaves_no_model(
+    value: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def diverging(network: torch.nn.Module, *_: object, **__: object) -> tuple[list[object], float]:
+        with torch.no_grad():
+            next(network.parameters()).view(-1)[0] = value  # half precision ends at 65504
+        return [], 1.0
+
+    monkeypatch.setattr(fitting, "fit", diverging)
+    with pytest.raises(TrainingError, match="diverged: .* holds a weight that is not finite"):
+        fitting.train("literal", 0, toy_data(), tmp_path, {"resolution": 32}, quiet)
+    assert not (tmp_path / CARD).exists()
 
 
 def test_the_time_left_is_that_of_the_epochs_so_far(monkeypatch: pytest.MonkeyPatch) -> None:
