@@ -63,7 +63,16 @@ NETWORK_PREFIXES = ("learned", "deformation-field")
 AVERAGED_PARAMETERS = ("training_seed=",)
 
 #: What the titles of networks say that this code cannot train.
-_FROZEN = f"frozen (commit {FROZEN_AT})"
+FROZEN = f"frozen (commit {FROZEN_AT})"
+
+#: What the title of a network says whose model is another one than the title means.
+OWN_MODEL = "own model"
+
+#: How the schedules of the tables begin, as patterns: that of the network as printed, and that of
+#: all others that this code trains. Where models are not published, as those of TOSCA, whoever has
+#: the data trains them by these.
+RECIPE_AS_PRINTED = r"500 x 500 pixels, 500 epochs, (?!stretch_depth)"
+RECIPE = r"128 x 128 pixels, (60|500) epochs, (early_epochs 0, )?stretch_depth True, "
 
 #: Titles of the paper's rows and of networks; those of all others are their own.
 TITLES: Mapping[str, str] = {
@@ -81,10 +90,10 @@ TITLES: Mapping[str, str] = {
         "Depth network, 500 px, generated animals"
     ),
     "learned-size-free": "Depth network, size unknown",
-    "learned-wide-extra": f"Depth network, extra data, {_FROZEN}",
-    "learned-wide-extra[training=animals-sampled]": f"Depth network, extra animals, {_FROZEN}",
-    "learned-streamed": f"Depth network, streamed, {_FROZEN}",
-    "deformation-field": f"Deformation field, complete surface, {_FROZEN}",
+    "learned-wide-extra": f"Depth network, extra data, {FROZEN}",
+    "learned-wide-extra[training=animals-sampled]": f"Depth network, extra animals, {FROZEN}",
+    "learned-streamed": f"Depth network, streamed, {FROZEN}",
+    "deformation-field": f"Deformation field, complete surface, {FROZEN}",
     "learned-strict": "strict training",
     "learned-without-srf": "without SRF",
     "learned-without-lrf": "without LRF",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter, defaultdict
 from collections.abc import Collection, Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -13,10 +14,15 @@ import numpy as np
 
 from benchmark.api.contracts import Input
 from benchmark.api.parameters import format_value
-from benchmark.pipeline.records import Record
+from benchmark.pipeline.records import Record, RecordedModel
+from benchmark.protocols.published_models import is_published, published_models
 from benchmark.protocols.tables import (
     AVERAGED_PARAMETERS,
+    FROZEN,
     ON_VIEWS,
+    OWN_MODEL,
+    RECIPE,
+    RECIPE_AS_PRINTED,
     TABLE_MEASURES,
     TABLES,
     TITLES,
@@ -25,7 +31,7 @@ from benchmark.protocols.tables import (
     Table,
     gallery_name,
 )
-from benchmark.reference.paper import PRINTED
+from benchmark.reference.paper import AS_PRINTED, PRINTED
 from benchmark.registry.names import base_name
 from benchmark.report.data_titles import data_title
 from benchmark.report.record_facts import (
@@ -414,7 +420,8 @@ def _title(method: str, own: str, scores: Iterable[RowScores]) -> str:
     """Return the title of a row.
 
     Some methods treat depth views differently from complete surfaces; if the row has scores of
-    views, its title says how.
+    views, its title says how. The title of a network means certain models; if others made the
+    forms, it says so.
 
     Parameters
     ----------
@@ -426,7 +433,10 @@ def _title(method: str, own: str, scores: Iterable[RowScores]) -> str:
         Scores of the row in all columns.
     """
     title = TITLES.get(method, own)
-    records = chain.from_iterable(of_column.all_records for of_column in scores)
+    records = list(chain.from_iterable(of_column.all_records for of_column in scores))
+    models = list(chain.from_iterable(record.models for record in records))
+    if method in TITLES and not all(_is_meant(model, method) for model in models):
+        title = f"{title.removesuffix(f', {FROZEN}')}, {OWN_MODEL}"
     inputs = {record.input for record in records}
     base = base_name(method)
     if base not in ON_VIEWS or "view" not in inputs:
@@ -437,6 +447,18 @@ def _title(method: str, own: str, scores: Iterable[RowScores]) -> str:
     if title.endswith(")"):  # parameters stand there already
         return f"{title.removesuffix(')')}, {words})"
     return f"{title} ({words})"
+
+
+def _is_meant(model: RecordedModel, method: str) -> bool:
+    """Return whether a model is one that the title of its row in the tables means.
+
+    It is if it is published, or if there is none to publish and it follows the recipe.
+    """
+    if is_published(model.digest):
+        return True
+    trainings = {name.partition("/")[0] for name in published_models()}
+    recipe = RECIPE_AS_PRINTED if method == AS_PRINTED else RECIPE
+    return model.training not in trainings and re.match(recipe, model.schedule) is not None
 
 
 def _records_of_column(

@@ -2,15 +2,25 @@
 
 import json
 import random
+import re
 from dataclasses import replace
 from pathlib import Path
 
 import msgspec
 import pytest
 
+from benchmark.api.learning import CARD
 from benchmark.pipeline.record_files import write_record
-from benchmark.protocols.tables import SYNTHETIC_HUMANS
+from benchmark.protocols.published_models import published_files
+from benchmark.protocols.tables import (
+    FROZEN,
+    RECIPE,
+    RECIPE_AS_PRINTED,
+    SYNTHETIC_HUMANS,
+    TITLES,
+)
 from benchmark.reference.paper import AS_PRINTED, PAPER_MEASURES, PRINTED
+from benchmark.registry import select_one
 from benchmark.report.columns import PRINTED_QUANTITIES, score_groups
 from benchmark.report.formats import as_json, blocks, latex, markdown, robustness_markdown
 from benchmark.report.notation import hundredths, two_decimals, two_digits
@@ -19,6 +29,8 @@ from benchmark.report.output import table_files
 from benchmark.report.record_facts import chosen_records
 from benchmark.report.results import Results
 from benchmark.report.tables import table_views
+from learned.fitting import DEFAULTS
+from learned.training import Schedule
 from tests.report.records import LABELS, failed, record
 from tests.verbs import call
 
@@ -230,6 +242,62 @@ def test_a_default_that_chooses_nothing_is_in_no_title():
     of_table = record("learned", input_="view", defaults={"training": ""})
     other = record("learned[training=animals-III]", input_="view", parameters=chosen)
     assert "Depth network, 128 px" in {row.title for row in view(of_table, other).rows}
+
+
+SCHEDULES = {
+    "learned": "128 x 128 pixels, 500 epochs, stretch_depth True, AMD EPYC, 1 core",
+    AS_PRINTED: "500 x 500 pixels, 500 epochs, AMD EPYC, 1 core",
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "training", "digest", "schedule", "is_own"),
+    [
+        ("learned", "people-fold-0", "published", "as on the card", False),
+        ("learned", "people-fold-0", "0" * 16, SCHEDULES["learned"], True),
+        ("learned-wide-extra", "humans-sampled", "published", "as on the card", False),
+        ("learned-wide-extra", "humans-sampled", "0" * 16, "128 x 128 pixels, 8 epochs", True),
+        ("learned", "tosca-III", "0" * 16, SCHEDULES["learned"], False),
+        (
+            "learned",
+            "tosca-III",
+            "0" * 16,
+            "64 x 64 pixels, 500 epochs, stretch_depth True, A",
+            True,
+        ),
+        (
+            "learned",
+            "tosca-III",
+            "0" * 16,
+            "128 x 128 pixels, 5 epochs, stretch_depth True, A",
+            True,
+        ),
+        ("learned", "tosca-III", "0" * 16, SCHEDULES[AS_PRINTED], True),
+        (AS_PRINTED, "tosca-III", "0" * 16, SCHEDULES[AS_PRINTED], False),
+        (AS_PRINTED, "tosca-III", "0" * 16, SCHEDULES["learned"], True),
+        ("mine", "tosca-III", "0" * 16, "any", False),
+    ],
+)
+def test_the_title_of_a_network_says_whose_model_it_is(name, training, digest, schedule, is_own):
+    if digest == "published":
+        paths = (path for path in published_files() if path.startswith(f"{training}/"))
+        digest = published_files()[next(path for path in paths if path.endswith(CARD))][:16]
+    model = {"training": training, "data": training, "digest": digest, "schedule": schedule}
+    row = view(record(name, title="Mine", input_="view", models=[model])).rows[-1]
+    title = TITLES.get(name, "Mine")
+    if is_own:
+        title = f"{title.removesuffix(f', {FROZEN}')}, own model"
+    assert row.title == title
+
+
+@pytest.mark.parametrize("method", ["learned", "learned-size-free", "learned-without-weighting"])
+@pytest.mark.parametrize("training", ["tosca-III", "shrec14-synthetic-fold-0"])
+def test_the_recipe_of_a_model_that_is_not_published_is_that_of_run_train(method, training):
+    network = select_one(method).create()
+    options = network.recipe(training)
+    schedule = Schedule(**{**DEFAULTS.get(network.configuration, {}), **options})
+    assert re.match(RECIPE, f"{schedule.in_words()}, AMD EPYC")
+    assert re.match(RECIPE_AS_PRINTED, f"{Schedule().in_words()}, AMD EPYC")
 
 
 def test_data_are_a_stand_in_by_their_record_and_not_by_their_title():
