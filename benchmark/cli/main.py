@@ -74,6 +74,9 @@ def program() -> None:
     if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:  # as nohup has it
         signal.signal(signal.SIGHUP, signal.default_int_handler)
     pin_threads()  # before any library starts some
+    # No command opens a window. A notebook names its own backend to the programs that it starts,
+    # and matplotlib refuses one that is not installed beside it.
+    os.environ["MPLBACKEND"] = "agg"
     choose_kernel_cache()
     watch_this_process()
     _open_streams()

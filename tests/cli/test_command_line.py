@@ -2,6 +2,7 @@
 overwrites.
 """
 
+import os
 import re
 import shlex
 import subprocess
@@ -159,6 +160,29 @@ def test_a_closed_terminal_interrupts_a_command_unless_it_ignores_that(tmp_path,
     assert (done.returncode, done.stdout, done.stderr) == (130, "", line)
     done = subprocess.run(["nohup", *command], check=False, **options)
     assert (done.returncode, done.stdout) == (0, "goes on\n")
+
+
+@pytest.mark.parametrize("backend", ["nonsense", "module://not_installed.backend_inline"])
+def test_a_command_draws_whatever_backend_a_notebook_names_to_it(tmp_path, backend):
+    program = """
+from benchmark.cli import main
+try:
+    main.program()
+finally:
+    import matplotlib.figure  # which raises an error if it lacks the backend
+    print(matplotlib.get_backend())
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", program, "list", "tables"],
+        cwd=tmp_path,
+        env={**os.environ, "MPLBACKEND": backend},
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=PATIENCE,
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.splitlines()[-1] == "agg"
 
 
 def test_published_tables_are_printed_in_any_folder(tmp_path, monkeypatch):
