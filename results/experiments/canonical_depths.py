@@ -51,8 +51,8 @@ PICTURES = {
         "tosca",
         ("cat4", "cat8", "horse6", "horse15"),
         {
-            "128 px, TOSCA": (Learned, "animals-III/literal-seed0"),
-            "500 px, generated animals": (Learned, "animals-III/as_printed-seed0"),
+            "128 px,\ngenerated animals": (Learned, "animals-III/literal-seed0"),
+            "500 px,\ngenerated animals": (Learned, "animals-III/as_printed-seed0"),
             "extra animals": (WideExtra, "animals-sampled/wide-extra-seed0"),
         },
     ),
