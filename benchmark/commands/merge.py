@@ -21,7 +21,7 @@ def merge(
 ) -> Merged:
     """Add the records of other results folders to one.
 
-    See :func:`benchmark.pipeline.merging.merge`.
+    See :func:`benchmark.pipeline.merging.merge_records`.
 
     Parameters
     ----------

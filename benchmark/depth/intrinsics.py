@@ -180,7 +180,7 @@ class Intrinsics:
         OpenCV's order; empty for no distortion.
     scales
         Units of a depth image per metre, in all readings of a depth scale in the file of the
-        camera; see :func:`benchmark.depth.frame.scaled`.
+        camera; see :func:`benchmark.depth.frame.scale_of`.
     """
 
     fx: float

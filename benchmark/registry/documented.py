@@ -13,7 +13,7 @@ _SECTION = re.compile(
 #: A line that names parameters, such as ``first_pull, last_pull``, and lines that describe them.
 _ENTRY = re.compile(r"^(\w+(?:, \w+)*)[^\n]*\n((?:[ ]+[^\n]*\n?|\n)+)", re.MULTILINE)
 
-#: A role, such as ``:class:`~module.Name```, and text in double backquotes.
+#: A role, such as ``:class:`~pathlib.Path```, and text in double backquotes.
 _ROLE = re.compile(r":\w+:`~?([^`]*)`")
 _LITERAL = re.compile(r"``([^`]*)``")
 
