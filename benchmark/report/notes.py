@@ -19,7 +19,7 @@ from benchmark.report.rivals import ComparedRivals, scatter_of
 from benchmark.report.rows import BLOCKS, RowScores, TableRow
 from benchmark.report.statistics import FEWEST_CLASSES
 from benchmark.report.table_view import TableView
-from benchmark.text import brief, listed
+from benchmark.text import brief, counted, listed
 
 #: Most classes of which the notes say that they decide only large differences.
 _FEW_CLASSES = 10
@@ -230,7 +230,7 @@ def _untested(view: TableView) -> Iterable[str]:
     untested: dict[str, None] = {}  # an ordered set
     for title, _, tested in _compared(view):
         if tested.n_classes < FEWEST_CLASSES:
-            untested[f"{title} ({tested.n_classes})"] = None
+            untested[f"{title} ({counted(tested.n_classes, 'class', 'classes')})"] = None
     return untested
 
 

@@ -384,7 +384,7 @@ def test_a_block_marks_its_best_what_is_not_significantly_worse_and_what_is_with
 def test_below_eight_classes_nothing_is_marked():
     table = view(record("best", 0.9), record("far", 0.1))
     assert table.marks == {}
-    assert "Too few classes for a test: mesh (3)." in table_notes(table)
+    assert "Too few classes for a test: mesh (3 classes)." in table_notes(table)
     assert not any("No difference" in note for note in table_notes(table))
     alone = replace(table, methods=frozenset({"far"}))
     assert not any("Too few classes" in note for note in table_notes(alone)), (
