@@ -199,12 +199,12 @@ def read_file(path: Path, largest: int = LARGEST_FILE) -> bytes:
 
 
 def names_in(folder: Path) -> list[str]:
-    """Return the names of all files and folders in a folder; none if it cannot be listed.
+    """Return the sorted names of all files and folders in a folder; none if it cannot be listed.
 
     Of thousands, that takes a fraction of the time of ``Path.glob``.
     """
     try:
-        return [path.name for path in folder.iterdir()]
+        return sorted(path.name for path in folder.iterdir())
     except OSError:
         return []
 

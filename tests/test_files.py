@@ -24,6 +24,7 @@ from benchmark.files import (
     _BYTE_ORDER_MARKS,
     decode,
     file_digest,
+    names_in,
     read_file,
     sweep,
     write_atomically,
@@ -249,3 +250,13 @@ def test_damaged_files_are_refused_by_name_or_read_alike_in_time_and_memory(tmp_
     done = subprocess.run(command, check=False, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout + done.stderr
     assert len(re.findall(r"(?m)^ +\d+ \S* ?refused$", done.stdout)) > 12
+
+
+def test_names_in_a_folder_have_one_order_on_every_file_system(tmp_path, monkeypatch):
+    for name in ("b", "a", "c"):
+        (tmp_path / name).touch()
+    listed = [tmp_path / name for name in ("c", "a", "b")]
+    monkeypatch.setattr(Path, "iterdir", lambda _: iter(listed))
+    assert names_in(tmp_path) == ["a", "b", "c"]
+    monkeypatch.undo()
+    assert names_in(tmp_path / "none") == []

@@ -60,7 +60,10 @@ def read(data: bytes, _: Path) -> MeshArrays:
     header = _HEADER.match(text)
     if not header:
         _check_kind(text)
-        raise ValueError("it does not begin with OFF and the numbers of vertices and faces")
+        raise ValueError(
+            "it does not begin with OFF (or with ST, C and N before it, in this order) and the "
+            "numbers of vertices and faces"
+        )
     n_vertices = int(header[2])
     n_faces = int(header[3])
     body = text[header.end() :]

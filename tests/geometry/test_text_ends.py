@@ -131,6 +131,7 @@ HINTS = {
         f"nOFF\n3\n4 1 0\n{POINTS}3 0 1 2\n",
         "n-dimensional OFF is not read; export",
     ),
+    "order.off": ("NSTOFF\n1 0 0\n0 0 0\n", r"OFF \(or with ST, C and N before it, in"),
     "homogeneous.off": ("4OFF\n1 0 0\n0 0 0 1\n", "n-dimensional OFF is not read"),
     "colours.off": (f"COFF\n4 1 0\n{PACKED}3 0 1 2\n", "packed colour; export it without colours"),
     "packed.off": (f"OFF\n4 1 0\n{PACKED}3 0 1 2\n", "packed colour; export it without colours"),
