@@ -134,11 +134,14 @@ def run_selection(
     Raises
     ------
     ConfigurationError
-        If nothing is selected, or all tables are and some of them.
+        If nothing is selected, or all tables are and some of them, or models are to be trained for
+        forms of other programs.
     """
     if not selection.is_something:
         raise ConfigurationError("nothing is selected", "pass --all, or choose with -t, -d or -m")
     _check_all_is_alone(selection)
+    if train and forms:
+        raise ConfigurationError("--forms scores forms that need no model", "drop --train")
 
     # Train missing models first, so that the plan finds them.
     if train:

@@ -109,6 +109,7 @@ def test_what_a_shell_left_empty_or_did_not_replace_is_refused(
         ("retrieve q.off -m gps -d a --gallery-views 3 --input mesh", "omit --gallery-views or"),
         ("run --all -d a", "--all selects all tables; drop --all, or -t and -d"),
         ("plan --all -t IV", "--all selects all tables; drop --all, or -t and -d"),
+        ("run -d a --forms x=forms --train", "scores forms that need no model; drop --train"),
     ],
 )
 def test_an_option_that_would_be_ignored_is_refused(tmp_path, monkeypatch, line, reason):
