@@ -291,6 +291,33 @@ def test_a_network_trained_further_sees_the_relief_only_by_scores_and_error_toge
     assert f"sees the relief: {sees}" in said
 
 
+def test_the_page_says_what_came_of_the_network_as_printed_that_was_trained_further(
+    experiment, capsys
+):
+    module = experiment.depth_range
+    page = (FOLDER / "README.md").read_text(encoding="utf-8")
+    scores = pd.read_csv(FOLDER / "depth-range.csv")
+    further = scores[scores["epochs"] == module.FURTHER]
+    module.judge_further_trainings(further)
+    for line in capsys.readouterr().out.splitlines():
+        assert f"    {line}\n" in page
+    means = further.groupby("setting")[[*module.MEASURES, "error"]].mean()
+    rows = {
+        "before": f"{module.NEW}: {module.EARLIER}",
+        "its depth / f": f"{module.NEW}: {module.CONTROLS[0]}",
+        "50 more epochs, plain targets": f"{module.PLAIN}: {module.NEW}",
+        "50 more epochs, stretched targets": f"{module.NEW}: {module.NEW}",
+        "average body in the last one's mask": f"{module.NEW}: {module.AVERAGE}",
+        "flat in its mask": f"{module.NEW}: {module.FLAT}",
+        "true depth in its mask": f"{module.NEW}: {module.TRUE}",
+    }
+    for title, setting in rows.items():
+        of_row = means.loc[f"as printed, then {setting}"]
+        numbers = " ".join(f"{of_row[name]:.2f}".removeprefix("0") for name in module.MEASURES)
+        error = f"{of_row['error']:.4f} ".removeprefix("0") if of_row["error"] else ""
+        assert f"| {title} | {numbers} | {error}|" in page
+
+
 def test_scores_that_another_process_adds_meanwhile_are_kept(depth_range, monkeypatch, tmp_path):
     def found(setting):
         return pd.DataFrame({"fold": [0], "seed": [1], "epochs": [50], "setting": [setting]})
